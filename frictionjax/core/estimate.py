@@ -1,0 +1,25 @@
+"""A number with its standard error and its unit."""
+
+import equinox as eqx
+
+
+class Estimate(eqx.Module):
+    """An estimated quantity.
+
+    **Attributes:**
+
+    - `value`: the estimate, in `unit`.
+    - `stderr`: its standard error, in `unit`; `inf` when the data do not hold the quantity.
+    - `unit`: the unit, as text (`"1"` for a ratio).
+    - `identified`: False when the recordings do not determine the value (it then rests on the prior).
+    """
+
+    value: float = eqx.field(static=True)
+    stderr: float = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    identified: bool = eqx.field(static=True, default=True)
+
+    def to_json(self) -> dict:
+        """The estimate as plain JSON; a standard error that is not finite becomes null."""
+        stderr = self.stderr if abs(self.stderr) < float("inf") else None
+        return {"value": self.value, "stderr": stderr, "unit": self.unit, "identified": self.identified}

@@ -1,0 +1,18 @@
+"""float64 is asked for, never switched on behind the user's back."""
+
+import jax
+
+from frictionjax.core.errors import PrecisionError
+
+
+def require_x64() -> None:
+    """Raise `PrecisionError` unless JAX computes in float64.
+
+    A bristle deflection of 1 nm on a stroke of 10 mm is one part in 1e7: below the resolution of float32.
+    """
+    if not jax.config.read("jax_enable_x64"):
+        raise PrecisionError(
+            "frictionjax computes in float64 and JAX is set to float32. "
+            'Call `jax.config.update("jax_enable_x64", True)` once, before any other use of JAX, '
+            "or set the environment variable JAX_ENABLE_X64=1."
+        )

@@ -1,0 +1,13 @@
+"""How a long verb tells what it is doing, without knowing who listens."""
+
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Called by the verbs as work goes on: `progress(stage, fraction)` with `fraction` of the whole in [0, 1]."""
+
+    def __call__(self, stage: str, fraction: float) -> None: ...
+
+
+def silent(stage: str, fraction: float) -> None:
+    """The `Progress` of a caller who does not want to be told."""

@@ -1,0 +1,137 @@
+"""The result of `diagnose`: nouns that mirror verdict.json, schema frictionjax.verdict/1."""
+
+from pathlib import Path
+from typing import Literal
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import Estimate
+from frictionjax.diagnosis.output import save_diagnosis
+from frictionjax.recordings import Plant
+
+SCHEMA = "frictionjax.verdict/1"
+
+
+class MissingEffect(eqx.Module):
+    """One named piece of missing physics.
+
+    **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot tell from it,
+    itself included), `confidence` in [0, 1], `p_value` under the base model, `parameters` (name to `Estimate`),
+    `where` (words), `split_by` (the experiment that would separate the class; empty when it has one member),
+    `sentence` (what the effect is, in plain words).
+    """
+
+    effect: str = eqx.field(static=True)
+    effect_class: tuple[str, ...] = eqx.field(static=True)
+    confidence: float = eqx.field(static=True)
+    p_value: float = eqx.field(static=True)
+    parameters: dict[str, Estimate] = eqx.field(static=True)
+    where: str = eqx.field(static=True)
+    split_by: str = eqx.field(static=True, default="")
+    sentence: str = eqx.field(static=True, default="")
+
+
+class Unexplained(eqx.Module):
+    """What no effect of the catalogue explains: whether it is significant, its `share` of the excess, and `where`."""
+
+    present: bool = eqx.field(static=True)
+    share: float = eqx.field(static=True)
+    where: str = eqx.field(static=True)
+
+
+class MismatchBin(eqx.Module):
+    """One bin of the map of the base model's mismatch.
+
+    **Attributes:** `axis` (regime, time, velocity, position, direction, input, frequency, since_reversal, dwell),
+    `bin` (its label, with units), `share` (part of the total excess; the shares of one axis add to 1), `excess`
+    (standardised residual power over its null level), `excess_extended` (the same after the extended model),
+    `count` (samples in the bin).
+    """
+
+    axis: str = eqx.field(static=True)
+    bin: str = eqx.field(static=True)
+    share: float = eqx.field(static=True)
+    excess: float = eqx.field(static=True)
+    excess_extended: float = eqx.field(static=True, default=float("nan"))
+    count: int = eqx.field(static=True, default=0)
+
+
+class Candidate(eqx.Module):
+    """One effect of the catalogue and what the recordings say of it.
+
+    **Attributes:** `effect`, `p_value`, `minimum_detectable` (parameter name to the smallest size, in its unit,
+    that these recordings would show), `tested`, `reason` (why not tested, or why refused), `gain_fit` and
+    `gain_holdout` (share of the base model's excess that a refit with it explains; NaN when not refitted),
+    `one_step` (parameter name to its one-step estimate).
+    """
+
+    effect: str = eqx.field(static=True)
+    p_value: float = eqx.field(static=True)
+    minimum_detectable: dict[str, float] = eqx.field(static=True)
+    tested: bool = eqx.field(static=True)
+    reason: str = eqx.field(static=True)
+    gain_fit: float = eqx.field(static=True, default=float("nan"))
+    gain_holdout: float = eqx.field(static=True, default=float("nan"))
+    one_step: dict[str, float] = eqx.field(static=True, default_factory=dict)
+
+
+class RecordingFit(eqx.Module):
+    """Measured against base and extended model, for one recording; every array has shape `(n,)`.
+
+    **Attributes:** `name`, `role`, `t` (s), `u` (input units), `x`, `free_base`, `free_extended`,
+    `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
+    lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
+    errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
+    `prediction_rmse_extended`.
+    """
+
+    name: str = eqx.field(static=True)
+    role: Literal["fit", "holdout"] = eqx.field(static=True)
+    t: Float[np.ndarray, " n"]
+    u: Float[np.ndarray, " n"]
+    x: Float[np.ndarray, " n"]
+    free_base: Float[np.ndarray, " n"]
+    free_extended: Float[np.ndarray, " n"]
+    predicted_base: Float[np.ndarray, " n"]
+    predicted_extended: Float[np.ndarray, " n"]
+    residual_force: Float[np.ndarray, " n"]
+    residual_force_extended: Float[np.ndarray, " n"]
+    residual_force_std: Float[np.ndarray, " n"]
+    noise_floor: float = eqx.field(static=True)
+    free_run_rmse_base: float = eqx.field(static=True)
+    free_run_rmse_extended: float = eqx.field(static=True)
+    prediction_rmse_base: float = eqx.field(static=True)
+    prediction_rmse_extended: float = eqx.field(static=True)
+
+
+class Diagnosis(eqx.Module):
+    """What `diagnose` found.
+
+    **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
+    sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
+    name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`).
+    """
+
+    case: str = eqx.field(static=True)
+    plant: Plant
+    verdict: Literal["adequate", "named", "unknown"] = eqx.field(static=True)
+    summary: str = eqx.field(static=True)
+    missing: tuple[MissingEffect, ...]
+    unexplained: Unexplained
+    mismatch: tuple[MismatchBin, ...]
+    base: dict[str, Estimate] = eqx.field(static=True)
+    extended: dict[str, Estimate] = eqx.field(static=True)
+    recordings: tuple[RecordingFit, ...]
+    candidates: tuple[Candidate, ...]
+    warnings: tuple[str, ...] = eqx.field(static=True)
+    seconds: dict[str, float] = eqx.field(static=True)
+
+    def save(self, directory: str | Path) -> Path:
+        """Write verdict.json, fit/*.csv and report.html into `directory`; returns it.
+
+        Everything is written beside it first and moved into place at the end: an error leaves nothing half-written.
+        Raises `InputError` when the directory cannot be written.
+        """
+        return save_diagnosis(self, Path(directory))

@@ -1,0 +1,95 @@
+"""The nouns: a recording, the plant it was made on, and the case that holds both."""
+
+from typing import Literal
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+
+class Plant(eqx.Module):
+    """What is known of the machine before anything is identified.
+
+    **Attributes:**
+
+    - `motor_constant`: force or torque per input unit; None when unknown (every force is then per input unit).
+    - `position_unit`, `force_unit`, `input_unit`: units, as text.
+    - `encoder_step`: quantum of the position sensor in position units; None when unknown.
+    - `inertia`: known inertia or mass; None when it is to be identified.
+    """
+
+    motor_constant: float | None = eqx.field(static=True, default=None)
+    position_unit: str = eqx.field(static=True, default="position")
+    force_unit: str = eqx.field(static=True, default="force")
+    input_unit: str = eqx.field(static=True, default="input")
+    encoder_step: float | None = eqx.field(static=True, default=None)
+    inertia: float | None = eqx.field(static=True, default=None)
+
+
+class Recording(eqx.Module):
+    """One uniformly sampled experiment: the input that was applied and the position that was measured.
+
+    **Attributes:**
+
+    - `name`: short name, unique in its case (the file's stem).
+    - `sample_rate`: samples per second.
+    - `u`: input, held between samples, shape `(n,)`, in input units (zeros for `drive = "motion"`).
+    - `x`: measured position, shape `(n,)`, in position units.
+    - `role`: `"fit"` or `"holdout"`; a holdout recording is never seen by fitting or by naming.
+    - `loop`: `"open"`, or `"closed"` when u answers to the measured x, noise included.
+    - `drive`: `"force"` (u is applied, x is the answer) or `"motion"` (x is imposed, `force` is the answer).
+    - `start_time`: s since power-on; recordings of one warm-up share a clock.
+    - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
+    - `warnings`: what the audit found, as sentences.
+    """
+
+    name: str = eqx.field(static=True)
+    sample_rate: float = eqx.field(static=True)
+    u: Float[np.ndarray, " n"]
+    x: Float[np.ndarray, " n"]
+    role: Literal["fit", "holdout"] = eqx.field(static=True, default="fit")
+    loop: Literal["open", "closed"] = eqx.field(static=True, default="open")
+    drive: Literal["force", "motion"] = eqx.field(static=True, default="force")
+    start_time: float = eqx.field(static=True, default=0.0)
+    v: Float[np.ndarray, " n"] | None = None
+    force: Float[np.ndarray, " n"] | None = None
+    reference: Float[np.ndarray, " n"] | None = None
+    temperature: Float[np.ndarray, " n"] | None = None
+    normal_force: Float[np.ndarray, " n"] | None = None
+    supply: Float[np.ndarray, " n"] | None = None
+    warnings: tuple[str, ...] = eqx.field(static=True, default=())
+
+    @property
+    def t(self) -> Float[np.ndarray, " n"]:
+        """Time since the first sample, s, shape `(n,)`."""
+        return np.arange(self.x.size) / self.sample_rate
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.x.size / self.sample_rate
+
+
+class Case(eqx.Module):
+    """A plant and its recordings.
+
+    **Attributes:**
+
+    - `name`: the case's name.
+    - `plant`: the `Plant`.
+    - `recordings`: all recordings, in the order of the case file.
+    """
+
+    name: str = eqx.field(static=True)
+    plant: Plant
+    recordings: tuple[Recording, ...]
+
+    @property
+    def fit_recordings(self) -> tuple[Recording, ...]:
+        """The recordings that fitting and naming may see."""
+        return tuple(r for r in self.recordings if r.role == "fit")
+
+    @property
+    def holdout_recordings(self) -> tuple[Recording, ...]:
+        """The recordings kept aside for the judgement."""
+        return tuple(r for r in self.recordings if r.role == "holdout")
