@@ -1,0 +1,40 @@
+"""The strict test session: float64, no silent promotion of types or ranks, two CPU devices, warnings are errors."""
+
+import os
+
+os.environ["JAX_ENABLE_X64"] = "1"
+os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+os.environ["MPLBACKEND"] = "Agg"
+
+import jax
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def pytest_addoption(parser):
+    parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--slow"):
+        return
+    skip = pytest.mark.skip(reason="slow: run with --slow")
+    for item in items:
+        if "slow" in item.keywords:
+            item.add_marker(skip)
+
+
+@pytest.fixture
+def getkey():
+    """Returns fresh random keys from one fixed seed."""
+    key = jax.random.key(20020301)
+
+    def next_key():
+        nonlocal key
+        key, sub = jax.random.split(key)
+        return sub
+
+    return next_key
