@@ -17,6 +17,9 @@ class Parameter(eqx.Module):
     - `scale`: the typical size of a linear parameter (its unit step in a fit). It may depend on the plant:
       `"Fc"`, `"sigma0"`, `"zs"` (the break-away deflection Fs/sigma0), `"stroke"`, `"dt"` stand for these.
     - `lower`, `upper`: admissible range; a fit stays inside and says when it ends at an end.
+    - `probes`: finite steps, in units of `scale`, at which a strength is tried before anything is refitted.
+    - `grid`: values, in units of `scale`, at which a nuisance parameter (period, time constant, spread) is tried;
+      `"period"` in place of numbers asks for the periods found in the data.
     """
 
     name: str = eqx.field(static=True)
@@ -26,3 +29,5 @@ class Parameter(eqx.Module):
     scale: float | str = eqx.field(static=True, default=1.0)
     lower: float = eqx.field(static=True, default=-float("inf"))
     upper: float = eqx.field(static=True, default=float("inf"))
+    probes: tuple[float, ...] = eqx.field(static=True, default=(0.02,))
+    grid: tuple[float, ...] | Literal["period"] = eqx.field(static=True, default=())

@@ -1,0 +1,8 @@
+"""What a plant is: LuGre friction, the drive, its effects and its linearisation."""
+
+from frictionjax.physics.bristles import Bristles as Bristles
+from frictionjax.physics.drive import Drive as Drive
+from frictionjax.physics.effects import catalogue as catalogue
+from frictionjax.physics.linearise import Linearization as Linearization
+from frictionjax.physics.linearise import linearize as linearize
+from frictionjax.physics.lugre import LuGre as LuGre

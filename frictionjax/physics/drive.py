@@ -1,0 +1,74 @@
+"""The plant: inertia, motor, friction and whatever effects are added to them."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core.safe import real
+from frictionjax.physics.bristles import Bristles, bristle_count, bristles_of
+from frictionjax.physics.effects.base import (
+    AbstractEffect,
+    AbstractForceEffect,
+    AbstractInputEffect,
+    AbstractLevelEffect,
+)
+from frictionjax.physics.lugre import LuGre
+
+
+class Drive(eqx.Module):
+    """A machine that moves: J x'' = motor_constant u - F - effects, equation (5).
+
+    **Arguments:**
+
+    - `J`: inertia or mass, force s^2/position.
+    - `friction`: the `LuGre` friction.
+    - `motor_constant`: force per input unit.
+    - `effects`: tuple of effects, each in its own slot.
+    """
+
+    J: Float[Array, "..."] = eqx.field(converter=real)
+    friction: LuGre
+    motor_constant: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+    effects: tuple[AbstractEffect, ...] = ()
+
+    @property
+    def bristle_count(self) -> int:
+        """Number of bristle elements: 1 for LuGre alone."""
+        return bristle_count(self.effects)
+
+    def bristles(self) -> Bristles:
+        """The bank of bristle elements."""
+        return bristles_of(self.effects)
+
+    def applied_force(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
+        """Motor force, shape `(n,)`, held over each sample of `dt` s, for the recorded input `u` of shape `(n,)`."""
+        for effect in self.effects:
+            if isinstance(effect, AbstractInputEffect):
+                u = effect.apply(u, dt)
+        return self.motor_constant * u
+
+    def level(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+        """Steady-state friction level G without viscous part, force."""
+        level = self.friction.level(v)
+        for effect in self.effects:
+            if isinstance(effect, AbstractLevelEffect):
+                level = effect.level(level, self.friction, x, v)
+        return level
+
+    def parallel_force(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+        """Opposing force without memory: viscous friction and the force effects."""
+        force = self.friction.sigma2 * v
+        for effect in self.effects:
+            if isinstance(effect, AbstractForceEffect):
+                force = force + effect.force(self.friction, x, v)
+        return force
+
+    def friction_force(
+        self, bristles: Bristles, x: Float[Array, ""], v: Float[Array, ""], z: Float[Array, " n"]
+    ) -> tuple[Float[Array, ""], Float[Array, " n"]]:
+        """Opposing force (1), with the effects, and the bristle rates (2)."""
+        rate = bristles.rate(v, z, self.level(x, v), self.friction.sigma0)
+        bristle = self.friction.sigma0 * jnp.sum(bristles.share * z) + self.friction.sigma1 * jnp.sum(
+            bristles.share * rate
+        )
+        return bristle + self.parallel_force(x, v), rate

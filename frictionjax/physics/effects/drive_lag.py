@@ -1,0 +1,47 @@
+"""First-order lag of the drive or its current loop."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractInputEffect
+
+
+class DriveLag(AbstractInputEffect):
+    """time_constant di/dt = u - i, the plant receives i; solved exactly for an input held between samples.
+
+    **Arguments:**
+
+    - `time_constant`: s, not negative.
+    """
+
+    time_constant: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+
+    name: ClassVar[str] = "drive_lag"
+    about: ClassVar[About] = About(
+        sentence="a first-order lag of the drive",
+        equation="time_constant di/dt = u - i, force = km i",
+        shows="fast changes of the input; a gain that falls with frequency",
+        confused_with=("delay",),
+        split_by="noise or a multisine up to 0.3/time_constant: a lag lowers the gain, a delay keeps it",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("time_constant", "s", "time constant", scale="dt", lower=0.0, probes=(0.1, 1.0, 3.0)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = ()
+
+    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
+        ratio = self.time_constant / dt
+        active = ratio > 1e-3  # exp(-1/ratio) is 0 to the last bit below
+        decay = jnp.where(active, jnp.exp(-1.0 / jnp.where(active, ratio, 1.0)), 0.0)
+
+        def sample(lagged, held):
+            mean = held - (held - lagged) * ratio * (1.0 - decay)
+            return held + (lagged - held) * decay, mean
+
+        return jax.lax.scan(sample, u[0] + 0.0 * ratio, u)[1]

@@ -1,0 +1,46 @@
+"""Force periodic in position, whatever the input or the direction: cogging."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractForceEffect
+from frictionjax.physics.lugre import LuGre
+
+
+class Ripple(AbstractForceEffect):
+    """J x'' = km u - F - sine sin(2 pi x/period) - cosine cos(2 pi x/period).
+
+    **Arguments:**
+
+    - `sine`, `cosine`: amplitudes, force units.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = "ripple"
+    about: ClassVar[About] = About(
+        sentence="a force periodic in position (cogging)",
+        equation="J x'' = km u - F - sine sin(2 pi x/period) - cosine cos(2 pi x/period)",
+        shows="a wave along the stroke with the same sign in both directions",
+        confused_with=("position_dependence", "return_spring"),
+        split_by="slow moves over several periods in both directions",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sine", "{force}", "sine amplitude", scale="Fc", probes=(0.02,)),
+        Parameter("cosine", "{force}", "cosine amplitude", scale="Fc", probes=(0.02,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("period", "{position}", "period along the stroke", "log", scale="even_period", grid="period"),
+    )
+
+    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * x / self.period
+        return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

@@ -1,0 +1,85 @@
+"""Linearisation (3)-(4), with Clarke's generalized Jacobian at rest."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import require_x64
+from frictionjax.core.safe import real
+from frictionjax.physics.drive import Drive
+
+
+class Linearization(eqx.Module):
+    """The linearised drive, equations (3) and (4).
+
+    **Attributes:**
+
+    - `left`, `right`: Jacobians of d/dt (x, v, z_1 ... z_n) for v -> 0- and v -> 0+, shape `(2 + n, 2 + n)`. They
+      are the ends of the generalized Jacobian (a convex hull); at z = 0 they coincide.
+    - `stiffness`, `damping`: sigma0 (of the whole bank) and sigma1 + sigma2 in force/position and force s/position,
+      for the mean of the two ends.
+    - `natural_frequency` (Hz), `damping_ratio`.
+    - `unique`: True when left and right coincide, so that the generalized Jacobian is one matrix.
+    """
+
+    left: Float[Array, "s s"]
+    right: Float[Array, "s s"]
+    stiffness: Float[Array, ""]
+    damping: Float[Array, ""]
+    natural_frequency: Float[Array, ""]
+    damping_ratio: Float[Array, ""]
+    unique: Float[Array, ""]
+
+
+def linearize(
+    drive: Drive, *, x: float | Float[Array, ""] = 0.0, z: float | Float[Array, " n"] = 0.0
+) -> Linearization:
+    """Linearise the drive at rest (v = 0).
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `x`: position, position units.
+    - `z`: deflection of the bristle, or of each of the n elements, position units.
+
+    **Returns:**
+
+    A `Linearization`.
+
+    **Raises:**
+
+    `PrecisionError` unless JAX computes in float64.
+    """
+    require_x64()
+    bristles = drive.bristles()
+    deflection = jnp.broadcast_to(real(z), (drive.bristle_count,))
+    x = real(x)
+
+    def one_sided(direction):
+        def field(state):
+            position, speed, elements = state[0], state[1], state[2:]
+            # |v| = direction * v on this side of rest: an exact one-sided derivative, nothing is smoothed.
+            level = drive.level(position, direction * 1e-300 + 0.0 * speed)
+            slip = bristles.rate(direction * jnp.ones(()), elements, level, drive.friction.sigma0)
+            rate = speed * direction * slip
+            force = drive.friction.sigma0 * jnp.sum(bristles.share * elements)
+            force = force + drive.friction.sigma1 * jnp.sum(bristles.share * rate)
+            force = force + drive.parallel_force(position, speed)
+            return jnp.concatenate([jnp.stack([speed, -force / drive.J]), rate])
+
+        return jax.jacfwd(field)(jnp.concatenate([jnp.stack([x, 0.0 * x]), deflection]))
+
+    left, right = one_sided(-1.0), one_sided(1.0)
+    middle = 0.5 * (left + right)
+    stiffness = -drive.J * (middle[1, 0] + jnp.sum(middle[1, 2:] * middle[2:, 1]))
+    damping = -drive.J * middle[1, 1]
+    return Linearization(
+        left=left,
+        right=right,
+        stiffness=stiffness,
+        damping=damping,
+        natural_frequency=jnp.sqrt(stiffness / drive.J) / (2.0 * jnp.pi),
+        damping_ratio=0.5 * damping / jnp.sqrt(stiffness * drive.J),
+        unique=jnp.all(jnp.abs(left - right) <= 1e-12 * (1.0 + jnp.abs(right))),
+    )
