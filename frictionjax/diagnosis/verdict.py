@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.output import SCHEMA as SCHEMA
 from frictionjax.diagnosis.output import save_diagnosis
 from frictionjax.recordings import Plant
-
-SCHEMA = "frictionjax.verdict/1"
 
 
 class MissingEffect(eqx.Module):
@@ -64,7 +63,7 @@ class Candidate(eqx.Module):
     **Attributes:** `effect`, `p_value`, `minimum_detectable` (parameter name to the smallest size, in its unit,
     that these recordings would show), `tested`, `reason` (why not tested, or why refused), `gain_fit` and
     `gain_holdout` (share of the base model's excess that a refit with it explains; NaN when not refitted),
-    `one_step` (parameter name to its one-step estimate).
+    `one_step` (parameter name to its one-step estimate), `units` (parameter name to its unit, as text).
     """
 
     effect: str = eqx.field(static=True)
@@ -75,6 +74,7 @@ class Candidate(eqx.Module):
     gain_fit: float = eqx.field(static=True, default=float("nan"))
     gain_holdout: float = eqx.field(static=True, default=float("nan"))
     one_step: dict[str, float] = eqx.field(static=True, default_factory=dict)
+    units: dict[str, str] = eqx.field(static=True, default_factory=dict)
 
 
 class RecordingFit(eqx.Module):
@@ -84,7 +84,8 @@ class RecordingFit(eqx.Module):
     `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
     lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
     errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`.
+    `prediction_rmse_extended`. With `drive = "motion"` the force is the answer: the four model columns and the
+    errors are then in force units and `force` holds what was measured.
     """
 
     name: str = eqx.field(static=True)
@@ -104,6 +105,8 @@ class RecordingFit(eqx.Module):
     free_run_rmse_extended: float = eqx.field(static=True)
     prediction_rmse_base: float = eqx.field(static=True)
     prediction_rmse_extended: float = eqx.field(static=True)
+    drive: Literal["force", "motion"] = eqx.field(static=True, default="force")
+    force: Float[np.ndarray, " n"] | None = None
 
 
 class Diagnosis(eqx.Module):

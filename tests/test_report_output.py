@@ -1,0 +1,179 @@
+"""What `Diagnosis.save` leaves behind: the contract's files, whole or not at all."""
+
+import json
+
+import equinox as eqx
+import numpy as np
+import pytest
+from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+
+from frictionjax.core import InputError
+from frictionjax.diagnosis import output
+from frictionjax.diagnosis.output import check_writable, register_writer, save_diagnosis
+
+HEADER = "t,u,x,free_base,free_extended,predicted_base,predicted_extended,residual_force,residual_force_std"
+
+
+@pytest.fixture(autouse=True)
+def _own_writers(monkeypatch):
+    """Writers registered by a test, or by another test file's imports, stay out of the others."""
+    monkeypatch.setattr(output, "_writers", [])
+
+
+def strict(text: str):
+    """Parse strict JSON: NaN and Infinity are errors."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def listing(directory):
+    return {
+        str(path.relative_to(directory)): path.is_file() and path.read_bytes()
+        for path in directory.rglob("*")
+    }
+
+
+def test_verdict_has_the_schema_of_the_contract(tmp_path):
+    fake_diagnosis().save(tmp_path / "out")
+    verdict = strict((tmp_path / "out" / "verdict.json").read_text(encoding="utf-8"))
+    contract = [
+        "schema",
+        "case",
+        "verdict",
+        "summary",
+        "missing",
+        "unexplained",
+        "mismatch",
+        "base",
+        "extended",
+    ]
+    contract += ["fit", "candidates", "warnings", "seconds"]
+    assert list(verdict)[: len(contract)] == contract
+    assert verdict["schema"] == "frictionjax.verdict/1"
+    assert verdict["verdict"] == "named"
+    (missing,) = verdict["missing"]
+    assert {"effect", "class", "confidence", "p_value", "parameters", "where", "split_by"} <= set(missing)
+    assert missing["class"] == ["maxwell_slip", "elasto_plastic"]
+    assert missing["parameters"]["share"]["value"] == 0.42
+    assert missing["parameters"]["share"]["unit"] == "1"
+    assert set(verdict["unexplained"]) == {"present", "share", "where"}
+    assert {"axis", "bin", "share", "excess"} <= set(verdict["mismatch"][0])
+    assert {"value", "stderr", "unit"} <= set(verdict["base"]["parameters"]["J"])
+    assert "maxwell_slip.share" in verdict["extended"]["parameters"]
+    fit = verdict["fit"]["holdout_stick"]
+    assert set(fit) == {"role", "noise_floor", "base", "extended"}
+    assert set(fit["base"]) == set(fit["extended"]) == {"free_run_rmse", "prediction_rmse"}
+    assert fit["base"]["prediction_rmse"] > 5 * fit["extended"]["prediction_rmse"]
+    assert {"effect", "p_value", "minimum_detectable", "tested", "reason"} <= set(verdict["candidates"][0])
+    assert {"total", "compile"} <= set(verdict["seconds"])
+
+
+def test_what_is_not_finite_is_null(tmp_path):
+    fake_diagnosis().save(tmp_path)
+    verdict = strict((tmp_path / "verdict.json").read_text(encoding="utf-8"))
+    assert verdict["base"]["parameters"]["sigma2"]["stderr"] is None
+    assert verdict["candidates"][2]["p_value"] is None
+
+
+def test_an_adequate_case_with_empty_lists(tmp_path):
+    adequate_diagnosis().save(tmp_path)
+    verdict = strict((tmp_path / "verdict.json").read_text(encoding="utf-8"))
+    assert verdict["missing"] == verdict["mismatch"] == verdict["candidates"] == verdict["warnings"] == []
+
+
+def test_csv_holds_the_arrays_to_nine_digits(tmp_path):
+    recording = fake_recording("run", n=5000)
+    recording = eqx.tree_at(lambda r: r.free_base, recording, recording.free_base.copy())
+    recording.free_base[7] = np.nan
+    eqx.tree_at(lambda d: d.recordings, fake_diagnosis(), (recording,)).save(tmp_path)
+    file = tmp_path / "fit" / "run.csv"
+    assert file.read_text().splitlines()[0] == HEADER
+    table = np.genfromtxt(file, delimiter=",", names=True)
+    assert table.shape == (5000,)
+    for name in HEADER.split(","):
+        np.testing.assert_allclose(table[name], getattr(recording, name), rtol=6e-9, atol=0)
+
+
+def test_an_earlier_result_is_replaced_and_other_files_are_left_alone(tmp_path):
+    fake_diagnosis().save(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "fit" / "mine.csv").write_text("a,b\n1,2\n")
+    adequate_diagnosis().save(tmp_path)
+    assert set(listing(tmp_path)) == {"notes.txt", "verdict.json", "fit", "fit/mine.csv", "fit/only.csv"}
+    assert strict((tmp_path / "verdict.json").read_text())["case"] == "bench"
+
+
+def test_a_recording_of_the_user_is_never_overwritten(tmp_path):
+    (tmp_path / "fit").mkdir()
+    (tmp_path / "fit" / "only.csv").write_text("t,u,x\n0,0,0\n")
+    before = listing(tmp_path)
+    with pytest.raises(InputError, match=r"only\.csv.*not written by frictionjax"):
+        adequate_diagnosis().save(tmp_path)
+    assert listing(tmp_path) == before
+
+
+def test_writers_add_files_and_are_registered_once(tmp_path):
+    def writer(diagnosis, directory):
+        with (directory / "extra.txt").open("a") as stream:
+            stream.write(diagnosis.case)
+
+    register_writer(writer)
+    register_writer(writer)
+    fake_diagnosis().save(tmp_path / "deep" / "out")
+    assert (tmp_path / "deep" / "out" / "extra.txt").read_text() == "arm-2024-03"
+
+
+@pytest.mark.parametrize("existing", [False, True])
+def test_a_failing_writer_leaves_nothing_half_written(tmp_path, existing):
+    out = tmp_path / "deep" / "out"
+    if existing:
+        adequate_diagnosis().save(out)
+    before = listing(tmp_path)
+
+    def writer(diagnosis, directory):
+        (directory / "report.html").write_text("half")
+        raise RuntimeError("no ink")
+
+    register_writer(writer)
+    with pytest.raises(RuntimeError, match="no ink"):
+        fake_diagnosis().save(out)
+    assert listing(tmp_path) == before
+
+
+def test_a_failure_while_moving_puts_the_earlier_result_back(tmp_path, monkeypatch):
+    adequate_diagnosis().save(tmp_path)
+    before = listing(tmp_path)
+    rename = type(tmp_path).rename
+
+    def failing(self, target):
+        if self.parent.name == "new" and self.name == "verdict.json":
+            raise OSError(28, "No space left on device", str(self))
+        return rename(self, target)
+
+    monkeypatch.setattr(type(tmp_path), "rename", failing)
+    with pytest.raises(InputError, match="No space left on device"):
+        fake_diagnosis().save(tmp_path)
+    assert listing(tmp_path) == before
+
+
+@pytest.mark.parametrize("inside", ["", "out", "deep/out"])
+def test_a_file_in_the_way_is_a_sentence(tmp_path, inside):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match=r"file: is a file.*Choose another output directory") as caught:
+        save_diagnosis(fake_diagnosis(), tmp_path / "file" / inside)
+    assert "\n" not in str(caught.value)
+    assert listing(tmp_path) == {"file": b"mine"}
+
+
+def test_a_directory_where_a_file_is_to_go_is_a_sentence(tmp_path):
+    (tmp_path / "verdict.json").mkdir()
+    with pytest.raises(InputError, match="is a directory where a file is to go"):
+        check_writable(tmp_path)
+
+
+def test_checking_changes_nothing(tmp_path):
+    check_writable(tmp_path / "deep" / "out")
+    assert listing(tmp_path) == {}
