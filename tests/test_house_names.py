@@ -1,0 +1,106 @@
+"""The public names: listed here once, documented, loaded late, and nothing else leaks out of a door."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import frictionjax
+
+CONTRACT = {
+    *("LuGre", "Drive", "simulate", "linearize", "excitation", "estimate_frf", "fit_sk"),
+    *("load_case", "fit", "diagnose"),
+}
+"""Names that outside programs use: never renamed."""
+
+EXPECTED = sorted(CONTRACT)
+"""Every public name. A new one is added here on purpose."""
+
+DOORS = ["frictionjax.api"] + [
+    module.name for module in pkgutil.walk_packages(frictionjax.__path__, "frictionjax.") if module.ispkg
+]
+
+
+def public_names(door: str) -> list[str]:
+    """The names that a package offers: its `__all__`, else all that it binds without an underscore."""
+    module = importlib.import_module(door)
+    below = [name for name, value in vars(module).items() if inspect.ismodule(value)]
+    own = [name for name in below if getattr(module, name).__name__ == f"{door}.{name}"]
+    return getattr(module, "__all__", [n for n in vars(module) if not n.startswith("_") and n not in own])
+
+
+def _run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_public_names_are_these():
+    api = importlib.import_module("frictionjax.api")
+    assert sorted(api.__all__) == EXPECTED
+    assert set(EXPECTED) >= CONTRACT
+
+
+def test_every_public_name_is_there_and_documented():
+    undocumented = []
+    for name in importlib.import_module("frictionjax.api").__all__:
+        value = getattr(frictionjax, name)
+        documented = inspect.ismodule(value) or callable(value)
+        if documented and not (inspect.getdoc(value) or "").strip():
+            undocumented.append(name)
+    assert undocumented == []
+
+
+def test_dir_lists_the_public_names():
+    assert set(dir(frictionjax)) >= set(EXPECTED)
+
+
+def test_an_unknown_name_raises_a_sentence():
+    with pytest.raises(
+        AttributeError, match=r"frictionjax has no public name `friction_model`\. Public names: .*LuGre"
+    ):
+        _ = frictionjax.friction_model
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_door_offers_only_what_is_ours(door):
+    leaks = []
+    for name in public_names(door):
+        value = getattr(importlib.import_module(door), name)
+        if inspect.ismodule(value):
+            home = value.__name__
+        elif inspect.isclass(value) or inspect.isroutine(value):
+            home = value.__module__
+        else:
+            continue
+        if home.split(".")[0] != "frictionjax":
+            leaks.append(f"{name} of {home}")
+    assert leaks == []
+
+
+def test_importing_the_package_does_not_wait_for_jax():
+    loaded = _run("import sys, frictionjax; frictionjax.__version__; print(*sys.modules)").split()
+    assert not {"jax", "frictionjax.api"} & set(loaded)
+
+
+def test_help_does_not_wait_for_jax():
+    code = """
+import sys
+from frictionjax.cli import main
+try:
+    main(["--help"])
+except SystemExit as stop:
+    assert not stop.code
+print(*sys.modules)
+"""
+    text, loaded = _run(code).rstrip().rsplit("\n", 1)
+    assert "diagnose" in text
+    assert not {"jax", "frictionjax.api"} & set(loaded.split())
+
+
+def test_importing_the_public_names_leaves_the_settings_of_jax_alone():
+    code = "import jax; before = dict(jax.config.values); import frictionjax.api; print(before == jax.config.values)"
+    assert _run(code).strip() == "True"
