@@ -10,7 +10,7 @@ import pytest
 
 REPOSITORY = Path(__file__).parents[1]
 PERSONAL_PATH = re.compile(r"(?<![\w.~:/-])(?:/(?:home|Users|root|work)/|[A-Z]:\\Users\\)\w")
-UNFINISHED = re.compile(r"\b(?:TO" r"DO|FIX" r"ME|XX" r"X)\b")
+UNFINISHED = re.compile(r"\b(?:TO[D]O|FIX[M]E|XX[X])\b")  # brackets, so that this line is not found
 CATCH_ALL = ("Exception", "BaseException")
 
 
@@ -78,16 +78,17 @@ def test_the_files_are_found():
 @pytest.mark.parametrize(
     ("text", "count"),
     [
-        ("read /home/ann/run.csv", 1),
-        ("read '/root/run.csv'", 1),
-        ("C:\\Users\\ann", 1),
+        ("read |home|ann|run.csv", 1),
+        ("read '|root|run.csv'", 1),
+        ("C:\\~Users\\ann", 1),
         ("https://example.org/home/page and ./work/run.csv", 0),
-        ("x = 1  # FIXME", 1),
+        ("x = 1  # FIX~ME", 1),
         ("the fixme of XXXL", 0),
     ],
 )
 def test_a_planted_word_is_caught(text, count):
-    assert len(list(text_breaches(text))) == count
+    planted = text.replace("|", "/").replace("~", "")  # written so that this file itself passes
+    assert len(list(text_breaches(planted))) == count
 
 
 @pytest.mark.parametrize(
