@@ -1,0 +1,140 @@
+"""What was done to the demo's arm: six recordings to fit, two to keep aside."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from frictionjax.demo.arm import Arm
+from frictionjax.demo.motion import SAMPLE_RATE
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment before it is run.
+
+    **Attributes:**
+
+    - `name`: the stem of its file.
+    - `role`: `"fit"` or `"holdout"`.
+    - `loop`: `"open"` (`signal` is a voltage, V) or `"closed"` (`signal` is the position to follow, rad).
+    - `signal`: what is asked of the machine at each sample, shape `(n,)`.
+    """
+
+    name: str
+    role: Literal["fit", "holdout"]
+    loop: Literal["open", "closed"]
+    signal: np.ndarray
+
+
+def _time(seconds: float) -> np.ndarray:
+    return np.arange(round(seconds * SAMPLE_RATE)) / SAMPLE_RATE
+
+
+def _binary_noise(rng, seconds):
+    """Random signs, a new one every other sample: power up to about 450 Hz, rms 1."""
+    n = round(seconds * SAMPLE_RATE)
+    return np.repeat(rng.choice([-1.0, 1.0], n // 2 + 1), 2)[:n]
+
+
+def _gaussian_noise(rng, seconds):
+    """Gaussian noise without power above 500 Hz, rms 1."""
+    spectrum = np.fft.rfft(rng.standard_normal(round(seconds * SAMPLE_RATE)))
+    n = round(seconds * SAMPLE_RATE)
+    frequency = np.fft.rfftfreq(n, 1.0 / SAMPLE_RATE)
+    spectrum[(frequency == 0.0) | (frequency > 500.0)] = 0.0
+    signal = np.fft.irfft(spectrum, n)
+    return signal / np.sqrt(np.mean(signal**2))
+
+
+def _polyline(seconds, corners):
+    """Straight lines through `corners`, pairs of a time (s) and a level."""
+    times, levels = zip(*corners, strict=True)
+    return np.interp(_time(seconds), times, levels)
+
+
+def _triangles(levels, rate, pause):
+    """Corners of a line that visits `levels` in turn at `rate` per second, after a `pause` in seconds at zero."""
+    corners = [(0.0, 0.0), (pause, 0.0)]
+    for level in levels:
+        corners.append((corners[-1][0] + abs(level - corners[-1][1]) / rate, level))
+    return corners
+
+
+def _sines(bursts):
+    """Whole periods of sines in turn; each of `bursts` is a frequency (Hz), an amplitude and a number of periods."""
+    return np.concatenate([a * np.sin(2.0 * np.pi * f * _time(periods / f)) for f, a, periods in bursts])
+
+
+def _moves(seconds, moves):
+    """Minimum-jerk moves from zero; each of `moves` is a distance (rad), a duration (s) and the rest after it (s)."""
+    t, start, position = _time(seconds), 0.2, np.zeros(round(seconds * SAMPLE_RATE))
+    for distance, duration, rest in moves:
+        s = np.clip((t - start) / duration, 0.0, 1.0)
+        position += distance * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        start += duration + rest
+    return position
+
+
+def _sweep(seconds, low, high, wide, narrow):
+    """A sine whose frequency (Hz) rises and whose amplitude (rad) falls, both exponentially."""
+    t = _time(seconds)
+    growth = np.log(high / low) / seconds
+    phase = 2.0 * np.pi * low * np.expm1(growth * t) / growth
+    return wide * (narrow / wide) ** (t / seconds) * np.sin(phase)
+
+
+def plan(arm: Arm, rng: np.random.Generator) -> tuple[Experiment, ...]:
+    """The eight experiments, as an operator would set them up who knows the break-away torque roughly.
+
+    **Arguments:**
+
+    - `arm`: the machine; only its motor constant and its static friction are used, to scale the voltages.
+    - `rng`: source of the two noise signals.
+
+    **Returns:** the experiments in the order in which they are run.
+    """
+    volt = arm.Fs / arm.motor_constant  # breaks the arm away
+    ramps = [
+        (0.0, 0.0),
+        (0.3, 0.0),
+        (2.3, 1.08),
+        (2.6, 0.0),
+        (2.9, -0.35),
+        (3.2, 0.0),
+        (3.5, 0.0),
+        (5.0, -1.1),
+    ]
+    ramps += [
+        (5.3, 0.0),
+        (5.6, 0.4),
+        (5.9, 0.0),
+        (6.2, 0.0),
+        (7.2, 1.12),
+        (7.5, 0.0),
+        (7.8, -0.5),
+        (8.1, 0.0),
+    ]
+    ramps += [(8.4, 0.0), (10.2, -1.08), (10.5, 0.0), (10.8, 0.3), (11.1, 0.0), (12.0, 0.0)]
+    sines = [(0.5, level, 2) for level in (0.3, 0.5, 0.7, 0.9)]
+    moves = [(0.3, 0.5, 0.5), (-0.3, 0.3, 0.5), (0.05, 0.6, 0.4), (0.05, 0.3, 0.4), (-0.1, 2.0, 0.5)]
+    moves += [(0.6, 0.5, 0.5), (-0.9, 0.9, 0.6), (0.02, 0.8, 0.5), (-0.03, 0.4, 0.5), (0.33, 1.2, 0.5)]
+    nested = [0.85, -0.85, 0.5, -0.5, 0.25, -0.25, 0.25, -0.5, 0.85, -0.75, 0.4, 0.1, 0.6, -0.2, 0.75, 0.0]
+    loops = _polyline(7.5, _triangles(nested, 2.2, 0.2))
+    others = [(-0.2, 0.35, 0.6), (0.08, 0.9, 0.3), (0.45, 0.45, 0.7), (-0.04, 1.1, 0.3), (-0.5, 0.7, 0.4)]
+    others += [(0.15, 2.2, 0.6), (0.01, 0.5, 0.4), (0.25, 0.3, 0.5), (-0.35, 1.5, 0.4)]
+    return (
+        Experiment("noise_small", "fit", "open", 0.12 * volt * _binary_noise(rng, 14.0)),
+        Experiment("noise_large", "fit", "open", 0.35 * volt * _gaussian_noise(rng, 14.0)),
+        Experiment("breakaway", "fit", "open", volt * _polyline(12.0, ramps)),
+        Experiment("stick_sine", "fit", "open", volt * _sines(sines)),
+        Experiment("moves", "fit", "closed", _moves(13.5, moves)),
+        Experiment("sweep", "fit", "closed", _sweep(12.0, 0.3, 6.0, 0.25, 0.04)),
+        Experiment(
+            "holdout_stick",
+            "holdout",
+            "open",
+            volt * np.concatenate([loops, _sines([(1.2, 0.6, 3), (0.8, 0.8, 2)])]),
+        ),
+        Experiment("holdout_moves", "holdout", "closed", _moves(13.0, others)),
+    )
