@@ -1,5 +1,10 @@
 """What was measured: recordings, cases, the readers of files and the audit of what they hold."""
 
+from frictionjax.recordings.audit import Audit as Audit
+from frictionjax.recordings.audit import audit as audit
+from frictionjax.recordings.case import case_from_files as case_from_files
+from frictionjax.recordings.case import load_case as load_case
 from frictionjax.recordings.recording import Case as Case
 from frictionjax.recordings.recording import Plant as Plant
 from frictionjax.recordings.recording import Recording as Recording
+from frictionjax.recordings.recording import Sampling as Sampling

@@ -26,6 +26,23 @@ class Plant(eqx.Module):
     inertia: float | None = eqx.field(static=True, default=None)
 
 
+class Sampling(eqx.Module):
+    """How far the time stamps of the file were from a uniform grid.
+
+    **Attributes:**
+
+    - `jitter`: largest deviation of a step from the nominal one, as a fraction of it.
+    - `gaps`: `(time, length)` of every step longer than 1.5 nominal steps, s, in the file's own time.
+    - `missing`: samples that the gaps lack.
+    - `resampled`: True when the channels were interpolated onto a uniform grid.
+    """
+
+    jitter: float = eqx.field(static=True, default=0.0)
+    gaps: tuple[tuple[float, float], ...] = eqx.field(static=True, default=())
+    missing: int = eqx.field(static=True, default=0)
+    resampled: bool = eqx.field(static=True, default=False)
+
+
 class Recording(eqx.Module):
     """One uniformly sampled experiment: the input that was applied and the position that was measured.
 
@@ -41,6 +58,7 @@ class Recording(eqx.Module):
     - `start_time`: s since power-on; recordings of one warm-up share a clock.
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
     - `warnings`: what the audit found, as sentences.
+    - `sampling`: how far the file's time stamps were from a uniform grid.
     """
 
     name: str = eqx.field(static=True)
@@ -58,6 +76,7 @@ class Recording(eqx.Module):
     normal_force: Float[np.ndarray, " n"] | None = None
     supply: Float[np.ndarray, " n"] | None = None
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
+    sampling: Sampling = eqx.field(static=True, default=Sampling())
 
     @property
     def t(self) -> Float[np.ndarray, " n"]:

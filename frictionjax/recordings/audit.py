@@ -1,0 +1,206 @@
+"""The audit of a recording: what may be trusted in it, and which regimes it visits."""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.recordings.recording import Plant, Recording, Sampling
+from frictionjax.recordings.regimes import Regimes, find_regimes
+from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
+
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+_SLOW = 20.0  # Hz; a slower recording of a servo is more likely one whose time is in ms
+_PROCESSING = {
+    "held": "x repeats each value: the sensor is slower than the sample rate, and short times carry no information",
+    "interpolated": "x runs in straight lines between samples: it was interpolated before it was stored, "
+    "which delays it and hides the noise",
+    "smooth": "x has no noise near the Nyquist frequency: it was low-pass filtered or interpolated before it was "
+    "stored, or simulated without noise",
+}
+
+
+class Audit(eqx.Module):
+    """What a recording holds, told without a model.
+
+    **Attributes:**
+
+    - `recording`: its name.
+    - `sample_rate` (Hz), `samples`, `duration` (s).
+    - `sampling`: jitter and gaps of the file's time stamps.
+    - `not_finite`: channel to number of NaN or infinite values, for channels that have any.
+    - `constant`: channels that never change.
+    - `clipped`: channel to `Clipping`, for u, v and force where present.
+    - `noise_std`: standard deviation of the white noise of x, quantisation included, position units.
+    - `encoder_step`: quantum of x as the data show it, position units; None when x lies on no grid.
+    - `declared_step`: the plant's encoder step, position units; None when it is unknown.
+    - `on_declared_grid`: part of the differences of x that are whole declared steps; None when it is unknown.
+    - `processing`: `"held"`, `"interpolated"`, `"smooth"` or `""`: traces of earlier processing of x.
+    - `regimes`: rest, presliding and sliding.
+    - `position_unit`: for the sentences.
+    """
+
+    recording: str = eqx.field(static=True)
+    sample_rate: float = eqx.field(static=True)
+    samples: int = eqx.field(static=True)
+    duration: float = eqx.field(static=True)
+    sampling: Sampling
+    not_finite: dict[str, int] = eqx.field(static=True)
+    constant: tuple[str, ...] = eqx.field(static=True)
+    clipped: dict[str, Clipping]
+    noise_std: float = eqx.field(static=True)
+    encoder_step: float | None = eqx.field(static=True)
+    declared_step: float | None = eqx.field(static=True)
+    on_declared_grid: float | None = eqx.field(static=True)
+    processing: str = eqx.field(static=True)
+    regimes: Regimes
+    position_unit: str = eqx.field(static=True)
+
+    def to_json(self) -> dict[str, Any]:
+        """The audit as plain JSON; numbers that are not finite become null."""
+        return _plain(self)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Everything the audit found, as sentences, what needs attention last."""
+        unit, r = self.position_unit, self.regimes
+        grid = (
+            "x lies on no grid"
+            if self.encoder_step is None
+            else f"x lies on a grid of {self.encoder_step:.4g} {unit}"
+        )
+        speed = f", at {r.speed[0]:.3g} to {r.speed[1]:.3g} {unit}/s" if r.speed else ""
+        rests = f" of {min(r.rests):.2g} to {max(r.rests):.2g} s" if r.rests else ""
+        return (
+            f"{self.samples} samples at {self.sample_rate:.6g} Hz, {self.duration:.4g} s.",
+            f"The noise of x is {self.noise_std:.3g} {unit} (standard deviation); {grid}.",
+            f"At rest {r.rest:.0%} of the time, in presliding {r.presliding:.0%}, sliding {r.sliding:.0%}{speed}; "
+            f"{_count(r.reversals, 'reversal')} in sliding, {_count(len(r.rests), 'rest')}{rests}.",
+            *self.concerns(),
+        )
+
+    def concerns(self) -> tuple[str, ...]:
+        """The findings that whoever reads a result from this recording must know, as sentences."""
+        found = []
+        if self.sampling.resampled:
+            found.append(self.sampling_sentence())
+        found += [f"{name} has {_count(count, 'value')} that {'is' if count == 1 else 'are'} not a number; "
+                  "the audit passed over them." for name, count in self.not_finite.items()]  # fmt: skip
+        if self.sample_rate < _SLOW:
+            found.append(f"{self.sample_rate:.4g} samples a second are few: is the time column in seconds?")
+        found += [f"{name} never changes." for name in self.constant]
+        found += [
+            f"{name} looks clipped: {c.high:.1%} of the samples are at its largest value, {c.low:.1%} at its smallest."
+            for name, c in self.clipped.items()
+            if c.clipped
+        ]
+        if self.processing:
+            found.append(f"{_PROCESSING[self.processing]}.")
+        found += self._grid_concerns()
+        if self.regimes.rest > 0.99:
+            found.append("x is at rest for more than 99 % of the recording.")
+        return tuple(found)
+
+    def sampling_sentence(self) -> str:
+        """What the time stamps were like and what was done about it; empty when they were uniform."""
+        s = self.sampling
+        if not s.resampled:
+            return ""
+        faults = [f"deviate from uniform steps by up to {s.jitter:.2g} of a step"] if s.jitter > 0 else []
+        if s.gaps:
+            time, length = max(s.gaps, key=lambda gap: gap[1])
+            faults.append(
+                f"have {_count(len(s.gaps), 'gap')} ({_count(s.missing, 'sample')} missing, longest gap "
+                f"{length:.3g} s at {time:.6g} s)"
+            )
+        return (
+            f"The time stamps {' and '.join(faults)}: x was interpolated linearly and u held onto a uniform grid of "
+            f"{self.sample_rate:.6g} Hz."
+        )
+
+    def _grid_concerns(self) -> list[str]:
+        declared, found, unit = self.declared_step, self.encoder_step, self.position_unit
+        if declared is None or self.on_declared_grid is None:
+            return []
+        if found is None:
+            if self.on_declared_grid > 0.9:
+                return []
+            return [
+                f"x does not lie on the grid of the encoder step ({declared:.4g} {unit}): it was processed after "
+                "the encoder, or the step is wrong."
+            ]
+        ratio = found / declared
+        if abs(ratio - 1.0) < 0.01 or (ratio < 0.1 and self.on_declared_grid > 0.9):
+            return []
+        return [
+            f"x lies on a grid of {found:.4g} {unit}, {ratio:.3g} times the encoder step given ({declared:.4g})."
+        ]
+
+
+def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = None) -> Audit:
+    """Look at a recording before anything is fitted to it.
+
+    **Arguments:**
+
+    - `recording`: the recording; values that are not finite are bridged for the estimates and counted.
+    - `plant`: its units and the encoder step to compare with.
+    - `gross_travel`: travel since a reversal that counts as sliding, position units; found from the data when absent.
+
+    **Returns:** the `Audit`.
+    """
+    channels = {name: getattr(recording, name) for name in _CHANNELS if getattr(recording, name) is not None}
+    if recording.drive == "motion":
+        del channels["u"]
+    not_finite = {name: int(np.count_nonzero(~np.isfinite(values))) for name, values in channels.items()}
+    channels = {name: _bridged(values) for name, values in channels.items()}
+    x = channels["x"]
+    noise, step = noise_std(x), quantum(x)
+    resolution = max(noise if math.isfinite(noise) else 0.0, 0.3 * (step or 0.0))
+    return Audit(
+        recording=recording.name,
+        sample_rate=recording.sample_rate,
+        samples=x.size,
+        duration=recording.duration,
+        sampling=recording.sampling,
+        not_finite={name: count for name, count in not_finite.items() if count},
+        constant=tuple(name for name, values in channels.items() if np.ptp(values) == 0),
+        clipped={name: clipping(channels[name]) for name in ("u", "v", "force") if name in channels},
+        noise_std=noise,
+        encoder_step=step,
+        declared_step=plant.encoder_step,
+        on_declared_grid=None if plant.encoder_step is None else on_grid(x, plant.encoder_step),
+        processing=processing(x, step),
+        regimes=find_regimes(
+            x,
+            recording.sample_rate,
+            resolution,
+            force=channels.get("force") if recording.drive == "motion" else None,
+            gross_travel=gross_travel,
+        ),
+        position_unit=plant.position_unit,
+    )
+
+
+def _bridged(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """The channel with straight lines over what is not finite (zeros when nothing is)."""
+    good = np.isfinite(values)
+    if good.all() or not good.any():
+        return values if good.all() else np.zeros_like(values)
+    index = np.arange(values.size)
+    return np.interp(index, index[good], values[good])
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _plain(value: Any) -> Any:
+    """Modules, tuples and numbers as JSON can hold them."""
+    if isinstance(value, eqx.Module):
+        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,210 @@
+"""Cases: a plant and its recordings, from a case file or from bare files."""
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from frictionjax.core import InputError
+from frictionjax.recordings.channels import make_recording
+from frictionjax.recordings.readers import AbstractTable, open_table, stem
+from frictionjax.recordings.recording import Case, Recording
+from frictionjax.recordings.schema import CASE_KEYS, Entry, Spot, known_keys, parse_entry, parse_plant, text
+from frictionjax.recordings.words import require_file, shown
+
+
+def load_case(path: str | Path) -> Case:
+    """Read a case file and every recording that it names.
+
+    Paths in the file count from its folder. A file may occur more than once with different intervals; the
+    recordings are then called `run`, `run_2`, ... `start_time` is that of the file's first sample: a recording
+    that begins later in its file starts later.
+
+    **Arguments:**
+
+    - `path`: the case file, TOML as in the contract.
+
+    **Returns:** the `Case`; what the audit found stands in each recording's `warnings`.
+
+    **Raises:** `InputError`, one line with file, place and cure, for anything wrong in the case file or in a
+    recording. Warns with `FrictionjaxWarning` for every recording that had to be resampled.
+    """
+    path = require_file(Path(path))
+    source = shown(path, 200)
+    table = _toml(path, source)
+    spot = Spot(source)
+    known_keys(table, CASE_KEYS, spot)
+    folder = path.resolve().parent.name
+    fallback = folder if path.stem == "case" and folder else path.stem
+    return _build(table, fallback, path.parent, spot)
+
+
+def case_from_files(
+    files: str | Path | Sequence[str | Path],
+    holdout: str | Path | Sequence[str | Path],
+    *,
+    motor_constant: float | None = None,
+    sample_rate: float | None = None,
+    name: str | None = None,
+    position_unit: str | None = None,
+    force_unit: str | None = None,
+    input_unit: str | None = None,
+    encoder_step: float | None = None,
+    inertia: float | None = None,
+    loop: str | None = None,
+    drive: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    scale: Mapping[str, float] | None = None,
+) -> Case:
+    """A case from bare files, all of one layout.
+
+    **Arguments:**
+
+    - `files`: one file or several, to fit.
+    - `holdout`: one file or several, kept aside for the judgement.
+    - `motor_constant`: force or torque per input unit; absent: every force is per input unit.
+    - `sample_rate`: Hz, for files without a time column.
+    - `name`: the case's name; absent: that of the first file.
+    - `position_unit`, `force_unit`, `input_unit`: units, as text.
+    - `encoder_step`: quantum of the position sensor, position units; absent: unknown.
+    - `inertia`: known inertia or mass; absent: to be identified.
+    - `loop`: `"open"` (default) or `"closed"`, for all files.
+    - `drive`: `"force"` (default) or `"motion"`, for all files.
+    - `columns`: which column is which, by role; absent: columns are called `t`, `u`, `x`, ...
+    - `scale`: factors to the units above, by role.
+
+    **Returns:** the `Case`, as from `load_case`.
+
+    **Raises:** `InputError` as `load_case` does.
+    """
+    shared = {"sample_rate": sample_rate, "loop": loop, "drive": drive}
+    shared |= {
+        "columns": None if columns is None else dict(columns),
+        "scale": None if scale is None else dict(scale),
+    }
+    plant = {"motor_constant": motor_constant, "encoder_step": encoder_step, "inertia": inertia}
+    plant |= {"position_unit": position_unit, "force_unit": force_unit, "input_unit": input_unit}
+    given = [(path, "fit") for path in _several(files)] + [(path, "holdout") for path in _several(holdout)]
+    table: dict[str, Any] = {
+        "plant": plant,
+        "recording": [{"file": str(path), "role": role, **shared} for path, role in given],
+    }
+    if name is not None:
+        table["name"] = name
+    return _build(table, stem(Path(given[0][0])) if given else "", Path(), Spot(None))
+
+
+def _several(files: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
+    return [files] if isinstance(files, str | Path) else files
+
+
+def _toml(path: Path, source: str) -> dict[str, Any]:
+    """The case file's content; whatever is wrong with its syntax is one line."""
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        place = f"line {found[1]}" if found and found[1] else "end of the file" if found else ""
+        problem = str(error)[: found.start()] if found else str(error)
+        raise InputError(
+            f"not valid TOML: {shown(problem, 120)}",
+            file=source,
+            place=place,
+            cure='Text stands in quotes, every line is key = value, recordings begin with "[[recording]]"',
+        ) from None
+    except (UnicodeDecodeError, RecursionError):
+        raise InputError(
+            "this is not a TOML text file", file=source, cure="Give a case file (TOML)"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"cannot be opened ({shown(error.strerror)})", file=source, cure="Check its rights"
+        ) from None
+
+
+def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Case:
+    """The case from its keys; `folder` is where relative paths begin."""
+    name = text(table, "name", spot) if "name" in table else fallback
+    plant_table = table.get("plant", {})
+    if not isinstance(plant_table, dict):
+        spot.fail("the plant is not a table", "plant", "Write [plant] on a line, and its keys below it")
+    plant = parse_plant(plant_table, Spot(spot.source, "[plant]" if spot.source else ""))
+    entries = _entries(table, spot)
+    paths = [_path(entry, folder) for entry in entries]
+    _require_apart(entries, paths)
+    recordings: list[Recording] = []
+    opened: dict[Path, AbstractTable] = {}
+    for entry, path in zip(entries, paths, strict=True):
+        if path not in opened:  # neighbours often share a file; older ones are let go
+            opened = {path: open_table(path)}
+        unique = _unique(stem(path), {r.name for r in recordings})
+        recordings.append(make_recording(entry, opened[path], unique, plant))
+    return Case(name=name, plant=plant, recordings=tuple(recordings))
+
+
+def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
+    """The checked recordings' keys, some to fit and some kept aside."""
+    tables = table.get("recording", [])
+    if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
+        spot.fail("recordings are a list of tables", "recording", "Write [[recording]] with double brackets")
+    entries = []
+    for number, item in enumerate(tables, start=1):
+        file = item.get("file")
+        label = f'"{shown(file)}"' if isinstance(file, str) else ""
+        where = " ".join(part for part in (f"recording {number}", f"({label})" if label else "") if part)
+        entries.append(parse_entry(item, Spot(spot.source, where if spot.source else "")))
+    roles = {entry.role for entry in entries}
+    if "fit" not in roles:
+        cure = (
+            'Add a [[recording]] with role = "fit"'
+            if spot.source
+            else "Give at least one file besides the holdout"
+        )
+        spot.fail("there is no recording to fit", cure=cure)
+    if "holdout" not in roles:
+        cure = (
+            'Mark at least one recording with role = "holdout"'
+            if spot.source
+            else "Name at least one file as holdout"
+        )
+        spot.fail(
+            "no recording is kept aside: a model can only be judged on data that the fit has never seen",
+            cure=cure,
+        )
+    return entries
+
+
+def _path(entry: Entry, folder: Path) -> Path:
+    path = folder / entry.file
+    if entry.spot.source is None:
+        return require_file(path)
+    return require_file(path, said_in=entry.spot.source, place=entry.spot.at("file"))
+
+
+def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
+    """Refuse a holdout recording that shares samples with one to fit."""
+    everything = (-math.inf, math.inf)
+    for kept, kept_path in zip(entries, paths, strict=True):
+        for other, other_path in zip(entries, paths, strict=True):
+            if kept.role != "holdout" or other.role != "fit" or not kept_path.samefile(other_path):
+                continue
+            (a, b), (c, d) = kept.interval or everything, other.interval or everything
+            if max(a, c) < min(b, d):
+                kept.spot.fail(
+                    f'the holdout shares samples of "{shown(kept.file)}" with a recording to fit, '
+                    "so it could not judge",
+                    "interval" if kept.interval else "file",
+                    "Use another file, or give both an interval, such that they do not overlap",
+                )
+
+
+def _unique(name: str, taken: set[str]) -> str:
+    """A name not taken yet, letter case aside: results are stored in files of these names."""
+    folded = {other.casefold() for other in taken}
+    candidate, number = name, 1
+    while candidate.casefold() in folded:
+        number += 1
+        candidate = f"{name}_{number}"
+    return candidate

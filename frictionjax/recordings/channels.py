@@ -1,0 +1,233 @@
+"""From one entry of a case and its opened file to a `Recording`."""
+
+import dataclasses
+import warnings
+
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import FrictionjaxWarning, InputError
+from frictionjax.recordings.audit import audit
+from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.recording import Plant, Recording, Sampling
+from frictionjax.recordings.sampling import Grid, find_grid
+from frictionjax.recordings.schema import ROLES, Entry
+from frictionjax.recordings.words import listed, nearest, shown
+
+MIN_SAMPLES = 100
+_OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply")
+# The rate written in the case and the one in the time stamps may differ by a clock's error, not by more.
+_RATE_TOLERANCE = 1e-3
+# No measurement is larger; sums of squares stay finite below.
+_LARGEST = 1e100
+
+
+def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) -> Recording:
+    """Read the channels that an entry names, check them and put them on a uniform grid.
+
+    **Arguments:**
+
+    - `entry`: the checked keys of the recording.
+    - `table`: its opened file.
+    - `name`: the recording's name, unique in its case.
+    - `plant`: what the audit compares the data with.
+
+    **Returns:** the `Recording`, with what the audit found among its `warnings`.
+
+    **Raises:** `InputError` for anything in the file that would make the recording useless; warns with
+    `FrictionjaxWarning` when the channels had to be resampled.
+    """
+    file = shown(table.path, 200)
+    columns, left_out = _read_columns(entry, table)
+    stamps, step = _time(entry, table, columns, file)
+    first, last = _cut(entry, stamps, step, file)
+    used = {role: values[first:last] for role, values in columns.items() if role != "t"}
+    for role, values in used.items():
+        _require_finite(values, table, entry.columns.get(role, role), first)
+    if last - first < MIN_SAMPLES:
+        part = "the interval" if entry.interval else "the file"
+        raise InputError(
+            f"{part} holds {last - first} samples, too few to identify anything",
+            file=file,
+            place=entry.spot.at(),
+            cure=f"Record at least {MIN_SAMPLES} samples, better several seconds",
+        )
+    if "t" in columns:
+        grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), first)
+        rate = _agreed_rate(grid, entry, file)
+    else:
+        rate = 1.0 / step
+        grid = Grid(rate, Sampling(), stamps[first:last], None)
+    _require_motion(entry, used, file)
+    x = np.ascontiguousarray(grid.follow(used["x"]))
+    optional = {
+        role: np.ascontiguousarray(grid.follow(used[role])) if role in used else None for role in _OPTIONAL
+    }
+    recording = Recording(
+        name=name,
+        sample_rate=rate,
+        u=np.ascontiguousarray(grid.hold(used["u"])) if "u" in used else np.zeros(x.size),
+        x=x,
+        role=entry.role,
+        loop=entry.loop,
+        drive=entry.drive,
+        start_time=entry.start_time + float(stamps[first] - stamps[0]),
+        sampling=grid.sampling,
+        v=optional["v"],
+        force=optional["force"],
+        reference=optional["reference"],
+        temperature=optional["temperature"],
+        normal_force=optional["normal_force"],
+        supply=optional["supply"],
+    )
+    found = audit(recording, plant)
+    if grid.sampling.resampled:
+        warnings.warn(FrictionjaxWarning(f"{file}: {found.sampling_sentence()}"), stacklevel=2)
+    return dataclasses.replace(recording, warnings=left_out + found.concerns())
+
+
+def _read_columns(
+    entry: Entry, table: AbstractTable
+) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
+    """The scaled columns by role, and sentences on those that were left out."""
+    motion = entry.drive == "motion"
+    if motion and "u" in entry.columns:
+        entry.spot.fail(
+            'with drive = "motion" there is no input',
+            "columns.u",
+            "Remove u, or name the measured force: force",
+        )
+    needed = ("x", "force") if motion else ("x", "u")
+    names = {role: entry.columns.get(role, role) for role in ROLES if not (motion and role == "u")}
+    for role in dict.fromkeys((*needed, *entry.columns)):
+        if not table.has(names[role]):
+            raise _no_column(role, names[role], entry, table)
+    names = {role: name for role, name in names.items() if table.has(name)}
+    for role in entry.scale:
+        if role not in names:
+            entry.spot.fail(
+                f"the recording has no column for `{role}`", f"scale.{role}", f"Scale one of: {listed(names)}"
+            )
+    values = dict(zip(names, table.read(list(names.values())), strict=True))
+    left_out = []
+    size = values["x"].size
+    for role in list(values):
+        if values[role].size == size:
+            continue
+        if role in needed or role in entry.columns or (role == "t" and entry.sample_rate is None):
+            raise InputError(
+                f"`{shown(names[role])}` ({role}) has {values[role].size} samples, "
+                f"`{shown(names['x'])}` (x) has {size}",
+                file=shown(table.path, 200),
+                place=entry.spot.at(),
+                cure="Name columns of one and the same recording (columns), or cut them to one length",
+            )
+        left_out.append(f"`{role}` has {values[role].size} samples and x has {size}: it was left out.")
+        del values[role]
+    with np.errstate(over="ignore"):
+        return {role: v * entry.scale.get(role, 1.0) for role, v in values.items()}, tuple(left_out)
+
+
+def _no_column(role: str, name: str, entry: Entry, table: AbstractTable) -> InputError:
+    """The error for a column that is not there."""
+    near = nearest(name, table.names)
+    hint = f"Did you mean `{shown(near)}`? " if near and near != name else ""
+    say = f'Say which column it is: columns = {{{role} = "..."}}; the file has: {listed(table.names)}'
+    if role == "force" and "force" not in entry.columns:
+        hint = f'A recording with drive = "motion" needs the measured force. {hint}'
+    return InputError(
+        f"{table.absence(name)}, which is to be {role}" if name != role else table.absence(name),
+        file=shown(table.path, 200),
+        place=entry.spot.at(f"columns.{role}") if role in entry.columns else entry.spot.at(),
+        cure=hint + say,
+    )
+
+
+def _time(
+    entry: Entry, table: AbstractTable, columns: dict[str, Float[np.ndarray, " _"]], file: str
+) -> tuple[Float[np.ndarray, " n"], float]:
+    """Time stamps in s, from the column or from the sample rate, and their median step."""
+    if "t" in columns:
+        stamps = columns["t"]
+        _require_finite(stamps, table, entry.columns.get("t", "t"), 0)
+        return stamps, float(np.median(np.diff(stamps))) if stamps.size > 1 else 1.0
+    if entry.sample_rate is None:
+        raise InputError(
+            "the file has no time column `t`, and no sample_rate is given",
+            file=file,
+            place=entry.spot.at(),
+            cure='Add sample_rate = 2000.0 (samples per second), or say which column is time: columns = {t = "..."}',
+        )
+    return np.arange(columns["x"].size) / entry.sample_rate, 1.0 / entry.sample_rate
+
+
+def _cut(entry: Entry, stamps: Float[np.ndarray, " n"], step: float, file: str) -> tuple[int, int]:
+    """First sample and end of the interval; the end's own sample belongs to what comes after it."""
+    if entry.interval is None:
+        return 0, stamps.size
+    begin, end = entry.interval
+    if not stamps.size or begin < stamps[0] - step or end > stamps[-1] + 1.5 * step:
+        covers = f"covers {stamps[0]:.6g} s to {stamps[-1]:.6g} s" if stamps.size else "is empty"
+        raise InputError(
+            f"the interval [{begin:g}, {end:g}] reaches outside of the file, which {covers}",
+            file=file,
+            place=entry.spot.at("interval"),
+            cure="Give times inside the file, in s",
+        )
+    inside = (stamps >= begin - 1e-6 * step) & (stamps < end - 1e-6 * step)
+    where = np.flatnonzero(inside)
+    return (int(where[0]), int(where[-1]) + 1) if where.size else (0, 0)
+
+
+def _require_finite(values: Float[np.ndarray, " _"], table: AbstractTable, column: str, first: int) -> None:
+    wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
+    if wrong.size:
+        k = int(wrong[0])
+        raise InputError(
+            f"the value is {'NaN' if np.isnan(values[k]) else 'infinite or beyond 1e100'}"
+            + (f" (and {wrong.size - 1} more like it)" if wrong.size > 1 else ""),
+            file=shown(table.path, 200),
+            place=f"{table.place(first + k)}, column `{shown(column)}`",
+            cure="Delete such lines (the gap is then filled, with a warning), or use the part without them "
+            "(interval)",
+        )
+
+
+def _agreed_rate(grid: Grid, entry: Entry, file: str) -> float:
+    """The sample rate of the time stamps, which must be the one that the case gives, if it gives one."""
+    if entry.sample_rate is None:
+        return grid.sample_rate
+    if abs(entry.sample_rate - grid.sample_rate) > _RATE_TOLERANCE * grid.sample_rate:
+        raise InputError(
+            f"the time column says {grid.sample_rate:.6g} Hz and sample_rate says {entry.sample_rate:.6g} Hz",
+            file=file,
+            place=entry.spot.at("sample_rate"),
+            cure="Remove sample_rate, or correct the unit of time (scale = {t = 1e-3} for ms)",
+        )
+    return entry.sample_rate
+
+
+def _require_motion(entry: Entry, used: dict[str, Float[np.ndarray, " n"]], file: str) -> None:
+    """Refuse a recording in which nothing happened."""
+    place = entry.spot.at()
+    if np.ptp(used["x"]) == 0:
+        raise InputError(
+            f"x is constant ({used['x'][0]:.6g}): nothing moved, or this is not the position",
+            file=file,
+            place=place,
+            cure="Check the sensor and which column is x (columns)",
+        )
+    if entry.drive == "force" and not used["u"].any():
+        raise InputError(
+            "u is zero throughout: no input was applied, or this is not the input",
+            file=file,
+            place=place,
+            cure='Check which column is u (columns); when the motion is imposed, set drive = "motion"',
+        )
+    if entry.drive == "motion" and np.ptp(used["force"]) == 0:
+        raise InputError(
+            f"force is constant ({used['force'][0]:.6g}): it was not measured, or this is not the force",
+            file=file,
+            place=place,
+            cure="Check the sensor and which column is force (columns)",
+        )

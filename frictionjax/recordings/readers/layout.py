@@ -1,0 +1,167 @@
+"""The layout of a text file of numbers: separator, header, and where the numbers begin."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator
+
+import equinox as eqx
+
+from frictionjax.core import InputError
+from frictionjax.recordings.words import shown
+
+# ASCII only, like NumPy's parser: Python's `float` would also take "1_000" and digits of other scripts.
+NUMBER = re.compile(
+    r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
+)
+COMMENT = ("#", "%")
+_NO_VALUE = {"", "na", "n/a", "null", "none"}
+_ROLES = {"t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply"}
+# Columns of a file without a header that has exactly so many of them.
+_BARE = {2: ("u", "x"), 3: ("t", "u", "x")}
+_HEAD = 400  # lines from which the layout is read
+
+
+class Layout(eqx.Module):
+    """How a text file of columns is written.
+
+    **Attributes:**
+
+    - `separator`: `","`, `";"`, a tab, or None for runs of white space.
+    - `width`: number of columns.
+    - `names`: the columns' names; `"1"`, `"2"`, ... when there is no header.
+    - `index`: every name that a column answers to, with its position; -1 marks a name that occurs twice.
+    - `start`: number of lines before the numbers.
+    """
+
+    separator: str | None = eqx.field(static=True)
+    width: int = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    index: dict[str, int] = eqx.field(static=True)
+    start: int = eqx.field(static=True)
+
+
+def content_lines(lines: list[str], start: int = 0) -> Iterator[tuple[int, str]]:
+    """The lines that are neither blank nor comment, stripped of blanks, with their numbers from 1."""
+    for number, line in enumerate(lines[start:], start=start + 1):
+        stripped = line.strip()
+        if stripped and not stripped.startswith(COMMENT):
+            yield number, line.strip(" \r")
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """The fields of one line, without the blanks and the quotes around them."""
+    if '"' not in line:
+        return [field.strip() for field in line.split(separator)]
+    if separator is None:
+        line, separator = line.replace("\t", " ").strip(), " "
+    try:
+        return [
+            field.strip() for field in next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        ]
+    except csv.Error:  # a field beyond the limit of the csv module
+        return [field.strip() for field in line.split(separator)]
+
+
+def find_layout(text: str, file: str) -> Layout:
+    """Find out how a file is written, from its first lines.
+
+    A header is the first line of as many names as the numbers have columns; one line of units may follow it.
+    Without a header the columns are called "1", "2", ..., and two columns are also u and x, three t, u and x.
+    A comment line directly above the numbers serves as header when it holds a name for every column.
+
+    **Arguments:**
+
+    - `text`: the whole file, with `\\n` line ends.
+    - `file`: its name for messages.
+
+    **Returns:** the `Layout`.
+
+    **Raises:** `InputError` for a file without numbers or with a header that does not fit them.
+    """
+    lines = text.split("\n", _HEAD)[:_HEAD]
+    head = list(content_lines(lines))
+    if not head:
+        raise InputError(
+            "the file is empty", file=file, cure="Give a file with a header line and columns of numbers"
+        )
+    separator, width = _separator([line for _, line in head])
+    header: list[str] | None = None
+    rejected: tuple[int, str] | None = None
+    units_seen, start = False, None
+    for number, line in head:
+        fields = split(line, separator)
+        if any(NUMBER.fullmatch(field) for field in fields):
+            start = number - 1
+            break
+        if header is None:
+            header = _names(line, separator, width)
+            rejected = (number, line)
+        elif units_seen or len(fields) != width or any(field.lower() in _NO_VALUE for field in fields):
+            start = number - 1  # neither numbers nor units: the reader will say what is wrong with it
+            break
+        else:
+            units_seen = True
+    if start is None:
+        raise InputError(
+            "no line of numbers found", file=file, place=f"line {head[-1][0]}", cure="Give columns of numbers"
+        )
+    if header is None and rejected is not None:
+        raise InputError(
+            f'"{shown(rejected[1])}" is no header: the numbers below it have {width} '
+            f"column{'s' * (width != 1)}",
+            file=file,
+            place=f"line {rejected[0]}",
+            cure="Give one name a column, with the separator of the numbers, or start the line with #",
+        )
+    bare = header is None
+    header = header or _commented_header(lines[:start], separator, width)
+    return Layout(separator, width, *_index(header, width, bare and header is None), start)
+
+
+def _separator(lines: list[str]) -> tuple[str | None, int]:
+    """The separator and the number of columns, from the last of the lines (the header may differ)."""
+    body = lines[-20:] if len(lines) < 40 else lines[-40:]
+    body = body[1:] or body
+    for separator in ("\t", ";", ","):
+        widths = Counter(len(split(line, separator)) for line in body)
+        width, votes = widths.most_common(1)[0]
+        if width > 1 and votes >= 0.6 * len(body):
+            # A separator at the end of every line closes the last column, unless the header names another one.
+            closed = all(not split(line, separator)[-1] for line in body)
+            named = [field for field in split(lines[0], separator) if field]
+            return separator, width - (closed and len(named) < width)
+    return None, Counter(len(split(line, None)) for line in body).most_common(1)[0][0]
+
+
+def _names(line: str, separator: str | None, width: int) -> list[str] | None:
+    """The names in a header line, which may use another separator than the numbers; None when they do not fit."""
+    attempts = [split(line, other) for other in dict.fromkeys((separator, "\t", ";", ",", None))]
+    attempts.append([field.strip() for field in re.split(r"\s{2,}|\t", line)])
+    for fields in attempts:
+        if len(fields) == width + 1 and not fields[-1]:
+            fields = fields[:-1]
+        if len(fields) == width and any(fields):
+            return fields
+    return None
+
+
+def _commented_header(above: list[str], separator: str | None, width: int) -> list[str] | None:
+    """Names from a comment line directly above the numbers, as `numpy.savetxt` writes them."""
+    above = [line.strip() for line in above if line.strip()]
+    if not above:
+        return None
+    names = _names(above[-1].lstrip("#% "), separator, width)
+    # Between blanks any remark of three words would pass for three names.
+    return names if names and (separator or _ROLES & set(names)) else None
+
+
+def _index(names: list[str] | None, width: int, bare: bool) -> tuple[tuple[str, ...], dict[str, int]]:
+    """Which name leads to which column."""
+    numbers = tuple(str(k) for k in range(1, width + 1))
+    index: dict[str, int] = {}
+    for position, name in enumerate(names or numbers):
+        index[name] = -1 if name in index else position
+    if bare:
+        index |= {name: position for position, name in enumerate(_BARE.get(width, ()))}
+    return tuple(names or numbers), index

@@ -1,0 +1,125 @@
+"""MATLAB files up to v7: vectors, matrices and structs of numbers."""
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+from scipy.io import loadmat
+
+from frictionjax.core import InputError
+from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.words import shown
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+# A matrix is offered column by column, as MATLAB writes it; a wider one is an image, not a set of channels.
+_WIDEST_MATRIX = 64
+
+
+class MatTable(AbstractTable):
+    """The numeric vectors of a `.mat` file, under the names that MATLAB gives them.
+
+    A field of a struct is `run.u`, of the second element of a struct array `run(2).u`, a matrix column
+    `data(:,1)`.
+    """
+
+    path: Path = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    columns: dict[str, Float[np.ndarray, " _"]]
+    refused: dict[str, str] = eqx.field(static=True)
+
+    def has(self, name: str) -> bool:
+        return name in self.columns
+
+    def absence(self, name: str) -> str:
+        if name in self.refused:
+            return f"the variable `{shown(name)}` {self.refused[name]}"
+        return f"there is no variable `{shown(name)}`"
+
+    def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
+        return [self.columns[name] for name in names]
+
+    def place(self, index: int) -> str:
+        return f"sample {index + 1}"
+
+
+def open_mat(path: Path) -> MatTable:
+    """Open a MATLAB file of version 4 to 7.
+
+    **Arguments:**
+
+    - `path`: an existing `.mat` file.
+
+    **Returns:** its table.
+
+    **Raises:** `InputError` for a v7.3 (HDF5) file, a damaged file, and one without a numeric vector.
+    """
+    file = shown(path, 200)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(1024)
+            if head.startswith((b"MATLAB 7.3", _HDF5)) or _HDF5 in head:
+                raise InputError(
+                    "the file is MATLAB v7.3 (HDF5), which is not read yet",
+                    file=file,
+                    cure="In MATLAB, load it and save it again with save('name.mat', '-v7')",
+                )
+            stream.seek(0)
+            with warnings.catch_warnings():
+                warnings.simplefilter(
+                    "ignore"
+                )  # duplicate or opaque variables, which may well be unused ones
+                content = loadmat(stream)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(
+            f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
+        ) from None
+    except Exception as error:  # whatever a damaged file makes of scipy's parser
+        raise InputError(
+            f"is not a MATLAB file that can be read ({shown(type(error).__name__)}: {shown(error)})",
+            file=file,
+            cure="In MATLAB, save it again with save('name.mat', '-v7')",
+        ) from None
+    columns: dict[str, np.ndarray] = {}
+    refused: dict[str, str] = {}
+    for name, value in content.items():
+        if not name.startswith("__"):
+            _collect(name, value, columns, refused)
+    if not columns:
+        raise InputError(
+            "the file holds no numeric vector", file=file, cure="Save each channel as a numeric vector"
+        )
+    return MatTable(path, tuple(columns), columns, refused)
+
+
+def _collect(name: str, value: object, columns: dict[str, np.ndarray], refused: dict[str, str]) -> None:
+    """Sort one variable, and what it contains, into vectors of numbers and into reasons why it is none."""
+    if not isinstance(value, np.ndarray):
+        refused[name] = "is not an array of numbers (a sparse matrix or a MATLAB object)"
+    elif value.dtype.names is not None and type(value) is np.ndarray:
+        for number, element in enumerate(value.ravel(), start=1):
+            prefix = name if value.size == 1 else f"{name}({number})"
+            for field in value.dtype.names:
+                _collect(f"{prefix}.{field}", element[field], columns, refused)
+    elif value.dtype == object or value.dtype.names is not None:
+        refused[name] = "is a cell array or a MATLAB object (table, timeseries), not a numeric vector"
+    elif value.dtype.kind not in "buif":
+        refused[name] = "holds text or complex numbers, not real numbers"
+    elif value.size < 2:
+        refused[name] = f"has {value.size} value{'s' * (value.size != 1)}, not a vector of samples"
+    elif value.ndim <= 2 and min(value.shape) == 1:
+        columns[name] = value.ravel().astype(np.float64)
+    elif value.ndim == 2 and min(value.shape) <= _WIDEST_MATRIX:
+        by_rows = value.shape[0] < value.shape[1]
+        vectors = value if by_rows else value.T
+        entries = [f"{name}({k},:)" if by_rows else f"{name}(:,{k})" for k in range(1, len(vectors) + 1)]
+        columns.update(zip(entries, vectors.astype(np.float64), strict=True))
+        refused[name] = (
+            f"is a matrix of {value.shape[0]} by {value.shape[1]}, name `{entries[0]}` or the like"
+        )
+    else:
+        refused[name] = f"has {value.ndim} dimensions, not one"

@@ -1,0 +1,145 @@
+"""Text files of columns: `.csv` and `.txt`, any separator, plain or gzipped."""
+
+import codecs
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import InputError
+from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.layout import NUMBER, Layout, content_lines, find_layout, split
+from frictionjax.recordings.words import shown
+
+
+class TextTable(AbstractTable):
+    """A text file of columns: its text and its layout."""
+
+    path: Path = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    text: str = eqx.field(static=True)
+    layout: Layout
+
+    def has(self, name: str) -> bool:
+        return self.layout.index.get(name, -1) >= 0
+
+    def absence(self, name: str) -> str:
+        if name in self.layout.index:
+            return f"the name `{shown(name)}` stands over more than one column"
+        if self.names == tuple(str(k) for k in range(1, self.layout.width + 1)):
+            return f"there is no column `{shown(name)}` (no header was found, so columns go by their number)"
+        return f"there is no column `{shown(name)}`"
+
+    def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
+        columns = [self.layout.index[name] for name in names]
+        values = self._read_fast()
+        if values is None:
+            return self._read_slowly(columns)
+        return [np.ascontiguousarray(values[:, k]) for k in columns]
+
+    def place(self, index: int) -> str:
+        for count, (number, _) in enumerate(content_lines(self.text.split("\n"), self.layout.start)):
+            if count == index:
+                return f"line {number}"
+        return f"sample {index + 1}"
+
+    def _read_fast(self) -> Float[np.ndarray, "_ _"] | None:
+        """All columns by NumPy's parser; None when anything in the file needs a closer look."""
+        comments = [sign for sign in "#%" if sign in self.text]
+        try:
+            values = np.loadtxt(
+                io.StringIO(self.text),
+                delimiter=self.layout.separator,
+                comments=comments or None,
+                quotechar='"',
+                skiprows=self.layout.start,
+                ndmin=2,
+            )
+        except ValueError:
+            return None
+        return values if values.shape[1] == self.layout.width else None
+
+    def _read_slowly(self, columns: list[int]) -> list[Float[np.ndarray, " _"]]:
+        """Line by line: right for files with text in unused columns, and able to name the place of an error."""
+        rows: list[list[float]] = []
+        width = self.layout.width
+        for number, line in content_lines(self.text.split("\n"), self.layout.start):
+            fields = split(re.split("[#%]", line, maxsplit=1)[0], self.layout.separator)
+            if len(fields) == width + 1 and not fields[-1]:
+                fields = fields[:-1]
+            if len(fields) != width:
+                raise InputError(
+                    f"{len(fields)} value{'s' * (len(fields) != 1)} where the file has {width} columns",
+                    file=shown(self.path, 200),
+                    place=f"line {number}",
+                    cure="Complete the line or delete it (a file cut short ends like this)",
+                )
+            for k in columns:
+                if not NUMBER.fullmatch(fields[k]):
+                    raise self._not_a_number(fields[k], number, self.names[k])
+            rows.append([float(fields[k]) for k in columns])
+        return list(np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T.copy())
+
+    def _not_a_number(self, field: str, line: int, name: str) -> InputError:
+        problem = f'"{shown(field, 30)}" is not a number' if field else "the value is empty"
+        cure = "Correct the value, or start the line with # to leave it out"
+        if re.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", field):
+            cure = f'Write decimal points, not commas: "{field.replace(",", ".")}"'
+        return InputError(
+            problem, file=shown(self.path, 200), place=f"line {line}, column `{shown(name)}`", cure=cure
+        )
+
+
+def open_text(path: Path) -> TextTable:
+    """Open a text file of columns.
+
+    Separators: comma, semicolon, tab, or blanks. Lines that start with # or % are comments; so is the rest of a
+    line of numbers after such a sign. Numbers have decimal points. UTF-8 (with or without a byte order mark),
+    UTF-16 with one, else Latin-1.
+
+    **Arguments:**
+
+    - `path`: an existing file; gzip is recognised by the content, not by the suffix.
+
+    **Returns:** its table.
+
+    **Raises:** `InputError` for a file that is not text, a damaged gzip file, and one without numbers.
+    """
+    file = shown(path, 200)
+    try:
+        data = path.read_bytes()
+        if data[:2] == b"\x1f\x8b":
+            data = gzip.decompress(data)
+    except (gzip.BadGzipFile, EOFError, zlib.error):
+        raise InputError("the gzip file is damaged or cut short", file=file, cure="Pack it again") from None
+    except OSError as error:
+        raise InputError(
+            f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
+        ) from None
+    text = _decode(data, file).replace("\r\n", "\n").replace("\r", "\n")
+    layout = find_layout(text, file)
+    return TextTable(path, layout.names, text, layout)
+
+
+def _decode(data: bytes, file: str) -> str:
+    utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if not utf16 and b"\0" in data:
+        raise InputError(
+            "the file is binary, not text",
+            file=file,
+            cure="Export it as text, or give it the suffix of its format",
+        )
+    for encoding in ("utf-16",) if utf16 else ("utf-8-sig", "latin-1"):
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise InputError(
+        "the file is not UTF-16 text, as its first bytes say", file=file, cure="Save it as UTF-8"
+    )
