@@ -1,0 +1,13 @@
+"""What to apply to a machine so that its friction shows: noise, multisines, ramps, presliding loops, moves.
+
+Every signal has the shape `(n,)`, one value a sample, to be held until the next. Random ones take a key of
+`jax.random`; `jax.vmap` over keys gives independent realisations. Times are in s, frequencies in Hz, levels in the
+unit of whatever the signal drives: volts, newtons, or a position to follow.
+"""
+
+from frictionjax.excitation.gaussian_noise import gaussian_noise as gaussian_noise
+from frictionjax.excitation.multisine import multisine as multisine
+from frictionjax.excitation.point_to_point import point_to_point as point_to_point
+from frictionjax.excitation.prbs import prbs as prbs
+from frictionjax.excitation.presliding_loop import presliding_loop as presliding_loop
+from frictionjax.excitation.ramp import ramp as ramp
