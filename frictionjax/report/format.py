@@ -1,0 +1,144 @@
+"""Numbers and units as a reader wants to see them: few digits, engineering prefixes, standard errors that fit."""
+
+import math
+from collections.abc import Sequence
+
+from frictionjax.core import Estimate
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
+_TAKES_PREFIX = {"m", "rad", "N", "Nm", "N*m", "N m", "V", "A"}
+DASH = "–"
+
+
+def unit_text(unit: str) -> str:
+    """A unit for the eye: `"kg*m^2"` becomes "kg·m²"; a ratio (`"1"`) becomes empty.
+
+    **Arguments:**
+
+    - `unit`: as it stands in a case file or an `Estimate`.
+    """
+    if unit == "1":
+        return ""
+    text = unit.replace("*", "·")
+    while "^" in text:
+        head, _, tail = text.partition("^")
+        digits = next(
+            (k for k, c in enumerate(tail) if not (c.isdigit() or (c == "-" and k == 0))), len(tail)
+        )
+        text = head + tail[:digits].translate(_SUPERSCRIPTS) + tail[digits:]
+    return text
+
+
+def power_of_ten(exponent: int) -> str:
+    """`-7` becomes "10⁻⁷"."""
+    return "10" + str(exponent).translate(_SUPERSCRIPTS)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number to `digits` significant digits; a dash when it is not finite.
+
+    **Arguments:**
+
+    - `value`: any float.
+    - `digits`: significant digits.
+    """
+    if not math.isfinite(value):
+        return DASH
+    if value == 0:
+        return "0"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -4 <= power < max(digits, 4):
+        return _minus(f"{value:.{max(digits - 1 - power, 0)}f}")
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return _minus(power_of_ten(power) if mantissa == "1" else f"{mantissa}×{power_of_ten(power)}")
+
+
+def percent(share: float) -> str:
+    """A share as "83 %"; a dash when it is not finite."""
+    if not math.isfinite(share):
+        return DASH
+    return _minus(f"{100 * share:.0f} %" if abs(share) >= 0.0095 or share == 0 else f"{100 * share:.1f} %")
+
+
+def p_value(p: float) -> str:
+    """A p-value: two digits, never a bare zero."""
+    if not math.isfinite(p):
+        return DASH
+    return f"< {power_of_ten(-300)}" if p < 1e-300 else number(p, 2)
+
+
+def engineering(unit: str, magnitude: float) -> tuple[float, str]:
+    """The factor and the unit in which numbers of a given size read well.
+
+    **Arguments:**
+
+    - `unit`: the unit of the numbers, as text.
+    - `magnitude`: their size, in `unit`.
+
+    **Returns:**
+
+    `(factor, label)`: multiply by `factor` and write `label`, e.g. `(1e6, "µm")`. Units that take no SI prefix
+    get a power of ten instead.
+    """
+    size = abs(magnitude)
+    if not math.isfinite(size) or size == 0 or unit == "1":
+        return 1.0, unit_text(unit)
+    exponent = 3 * math.floor(math.log10(size) / 3 + 1e-9)
+    if unit in _TAKES_PREFIX:
+        exponent = min(max(exponent, -12), 3 if unit != "rad" and unit != "m" else 0)
+        return 10.0**-exponent, _PREFIXES[exponent] + unit_text(unit)
+    if 1e-2 <= size < 1e4:
+        return 1.0, unit_text(unit)
+    return 10.0**-exponent, f"{power_of_ten(exponent)} {unit_text(unit)}".strip()
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A number with its unit, e.g. `quantity(1.5e-7, "rad")` is "150 nrad"; a dash when it is not finite."""
+    return quantities([value], unit, digits)[0]
+
+
+def quantities(values: Sequence[float], unit: str, digits: int = 3) -> list[str]:
+    """Numbers that will be compared: all in the prefix that suits the largest, e.g. "1.22 µrad", "0.120 µrad".
+
+    **Arguments:**
+
+    - `values`: in `unit`.
+    - `unit`: as text.
+    - `digits`: significant digits.
+    """
+    factor, label = engineering(
+        unit, max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    )
+    return [f"{number(v * factor, digits)} {label}".strip() if math.isfinite(v) else DASH for v in values]
+
+
+def estimate_text(estimate: Estimate) -> str:
+    """Value and standard error with as many digits as the error allows, e.g. "1814.0 ± 1.9".
+
+    **Arguments:**
+
+    - `estimate`: the number; its unit is left to the caller.
+    """
+    value, stderr = estimate.value, estimate.stderr
+    if not (math.isfinite(value) and math.isfinite(stderr)) or stderr <= 0:
+        return number(value)
+    size = max(abs(value), stderr)
+    power = math.floor(math.log10(size))
+    decimals = 1 - math.floor(math.log10(stderr))
+    if -4 <= power < 6:
+        decimals = max(decimals, 0)
+        return _minus(f"{value:.{decimals}f} ± {stderr:.{decimals}f}")
+    decimals = max(decimals + power, 0)
+    scaled = f"({value / 10.0**power:.{decimals}f} ± {stderr / 10.0**power:.{decimals}f})"
+    return _minus(f"{scaled}×{power_of_ten(power)}")
+
+
+def words(name: str) -> str:
+    """A name as words: `"maxwell_slip.share"` becomes "maxwell slip share"."""
+    return name.replace("_", " ").replace(".", " ")
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")

@@ -1,0 +1,22 @@
+"""The sections of the report, in the order in which a reader meets them."""
+
+from frictionjax.report.sections.base import AbstractSection as AbstractSection
+from frictionjax.report.sections.candidates import Candidates
+from frictionjax.report.sections.comparison import Comparison
+from frictionjax.report.sections.headline import Headline
+from frictionjax.report.sections.mismatch import Mismatch
+from frictionjax.report.sections.missing import Missing
+from frictionjax.report.sections.parameters import Parameters
+from frictionjax.report.sections.record import Record
+from frictionjax.report.sections.residual import Residual
+
+SECTIONS: tuple[AbstractSection, ...] = (
+    Headline(),
+    Missing(),
+    Mismatch(),
+    Comparison(),
+    Residual(),
+    Candidates(),
+    Parameters(),
+    Record(),
+)

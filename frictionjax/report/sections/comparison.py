@@ -1,0 +1,50 @@
+"""Measured against base and extended model, recordings kept aside first."""
+
+from typing import ClassVar
+
+from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.recordings import Plant
+from frictionjax.report import figures
+from frictionjax.report.format import quantities, quantity
+from frictionjax.report.html import legend, pair, table, text
+from frictionjax.report.sections.base import AbstractSection
+from frictionjax.report.sections.panels import panels
+from frictionjax.report.series import holdout_first, is_extended
+
+_INTRO = (
+    "Solid: predicted 0.1 s ahead from what was measured until then. Dashed: free run from the first sample and the "
+    "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where the models differ most."
+)
+
+
+class Comparison(AbstractSection):
+    """A table of errors, then for each recording the whole of it and a close-up."""
+
+    title: ClassVar[str] = "Measured against both models"
+
+    def body(self, diagnosis: Diagnosis) -> str:
+        recordings = holdout_first(diagnosis.recordings)
+        if not recordings:
+            return ""
+        extended = is_extended(diagnosis.recordings)
+        rows = [_row(recording, diagnosis.plant, extended) for recording in recordings]
+        head = ("recording", "role", "noise floor", "prediction error", "free-run error")
+        pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
+        key = legend(extended, ("measured", "measured"))
+        return f"{table(head, rows)}<p>{_INTRO}</p>{key}{pictures}"
+
+
+def _row(recording: RecordingFit, plant: Plant, extended: bool) -> tuple[str, ...]:
+    _, unit, _ = figures.answer_of(recording, plant)
+
+    def change(before: float, after: float) -> str:
+        base, now = map(text, quantities([before, after], unit))
+        return pair(base, now if extended else None)
+
+    return (
+        text(recording.name),
+        "kept aside" if recording.role == "holdout" else "fit",
+        text(quantity(recording.noise_floor, unit)),
+        change(recording.prediction_rmse_base, recording.prediction_rmse_extended),
+        change(recording.free_run_rmse_base, recording.free_run_rmse_extended),
+    )

@@ -1,0 +1,71 @@
+"""The map of the base model's mismatch: in which regime, at which speed, position, frequency ... it fails."""
+
+import math
+from typing import ClassVar
+
+from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin
+from frictionjax.report.format import number, percent, words
+from frictionjax.report.html import gauge, legend, pair, text
+from frictionjax.report.sections.base import AbstractSection
+
+_AXES = {
+    "direction": "direction of motion",
+    "input": "size of the input",
+    "since_reversal": "since the last reversal",
+    "dwell": "time at rest before",
+}
+_MOST = 12  # bins of one axis that are worth a row each
+_INTRO = (
+    "Found before anything is named: where the base model fails. <b>Share</b> is a bin's part of the whole "
+    "mismatch; <b>excess</b> is the power of the residual over what noise alone would leave (the tick, at 1)."
+)
+
+
+class Mismatch(AbstractSection):
+    """For each axis a table of bins: a bar for the share, a logarithmic gauge for the excess before and after."""
+
+    title: ClassVar[str] = "Where the base model fails"
+
+    def body(self, diagnosis: Diagnosis) -> str:
+        axes: dict[str, list[MismatchBin]] = {}
+        for cell in diagnosis.mismatch:
+            axes.setdefault(cell.axis, []).append(cell)
+        if not axes:
+            return ""
+        after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
+        high = max([10.0, *(cell.excess for cell in diagnosis.mismatch if math.isfinite(cell.excess))])
+        tables = "".join(_axis(name, cells, after, 1.5 * high) for name, cells in axes.items())
+        return f'<p>{_INTRO}</p>{legend(after, marks=True)}<div class="axes">{tables}</div>'
+
+
+def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:
+    # The strongest bins keep their natural order: a map is read along its axis.
+    kept = sorted(range(len(cells)), key=lambda k: -_finite(cells[k].share))[:_MOST]
+    # A share twice that of an even spread stands out; on an axis without one, nothing is set in bold.
+    striking = 2.0 * sum(_finite(cell.share) for cell in cells) / len(cells) if len(cells) > 3 else 0.6
+    rows = "".join(_row(cells[k], _finite(cells[k].share) >= striking, after, high) for k in sorted(kept))
+    if len(kept) < len(cells):
+        rest = sum(_finite(cell.share) for k, cell in enumerate(cells) if k not in kept)
+        rows += (
+            f'<tr class="rest"><td colspan="4">{len(cells) - len(kept)} more hold {percent(rest)}</td></tr>'
+        )
+    heading = words(_AXES.get(name, name)).capitalize()
+    return (
+        f'<div class="axis"><h3>{text(heading)}</h3><table><thead><tr><th scope="col"></th><th scope="col">share</th>'
+        f'<th scope="col" colspan="2">excess</th></tr></thead><tbody>{rows}</tbody></table></div>'
+    )
+
+
+def _row(cell: MismatchBin, striking: bool, after: bool, high: float) -> str:
+    extended = cell.excess_extended if after and math.isfinite(cell.excess_extended) else None
+    excess = pair(number(cell.excess, 2), None if extended is None else number(extended, 2))
+    width = 100 * min(max(_finite(cell.share), 0.0), 1.0)
+    return (
+        f'<tr class="{"striking" if striking else ""}"><th scope="row">{text(cell.bin)}</th>'
+        f'<td class="share"><span class="bar"><i style="width:{width:.1f}%"></i></span> {percent(cell.share)}</td>'
+        f'<td class="scale">{gauge(cell.excess, extended, low=0.5, high=high, floor=1.0)}</td><td>{excess}</td></tr>'
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0

@@ -1,0 +1,44 @@
+"""For each recording two pictures side by side: the whole of it, and a close-up where the mismatch is."""
+
+from collections.abc import Sequence
+
+from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.recordings import Plant
+from frictionjax.report.figures import Draw
+from frictionjax.report.format import number
+from frictionjax.report.html import picture, text
+from frictionjax.report.series import zoom
+
+MOST = 24  # recordings that get pictures: a page of hundreds would help nobody
+
+
+def panels(recordings: Sequence[RecordingFit], plant: Plant, extended: bool, draw: Draw) -> str:
+    """Both pictures of every recording, each under the recording's name.
+
+    **Arguments:**
+
+    - `recordings`: in the order of the page; past the first `MOST` they are only counted.
+    - `plant`, `extended`: handed to `draw`.
+    - `draw`: one of `report.figures`.
+
+    **Returns:**
+
+    HTML.
+    """
+    page = "".join(_pair(recording, plant, extended, draw) for recording in recordings[:MOST])
+    left_out = len(recordings) - MOST
+    if left_out > 0:
+        page += (
+            f'<p class="note">{left_out} more recordings are not drawn; their series are in fit/*.csv.</p>'
+        )
+    return page
+
+
+def _pair(recording: RecordingFit, plant: Plant, extended: bool, draw: Draw) -> str:
+    near = zoom(recording)
+    first, last = (number(float(recording.t[k])) for k in (near.start, near.stop - 1))
+    whole = picture(draw(recording, plant, extended, slice(None), near), f"{recording.name}, whole")
+    close = picture(draw(recording, plant, extended, near), f"close-up of the tinted {first} to {last} s")
+    tag = ' <span class="tag">kept aside</span>' if recording.role == "holdout" else ""
+    heading = f"<h3>{text(recording.name)}{tag}</h3>"
+    return f'<section class="recording">{heading}<div class="figures">{whole}{close}</div></section>'
