@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.recordings.recording import Plant, Recording, Sampling
+from frictionjax.recordings.recording import JITTER_TOLERANCE, Plant, Recording, Sampling
 from frictionjax.recordings.regimes import Regimes, find_regimes
 from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
 
@@ -107,7 +107,11 @@ class Audit(eqx.Module):
         s = self.sampling
         if not s.resampled:
             return ""
-        faults = [f"deviate from uniform steps by up to {s.jitter:.2g} of a step"] if s.jitter > 0 else []
+        faults = (
+            [f"deviate from uniform steps by up to {s.jitter:.2g} of a step"]
+            if s.jitter > JITTER_TOLERANCE
+            else []
+        )
         if s.gaps:
             time, length = max(s.gaps, key=lambda gap: gap[1])
             faults.append(

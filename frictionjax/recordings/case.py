@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
@@ -141,6 +143,7 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Ca
             opened = {path: open_table(path)}
         unique = _unique(stem(path), {r.name for r in recordings})
         recordings.append(make_recording(entry, opened[path], unique, plant))
+    _require_originals(recordings, entries)
     return Case(name=name, plant=plant, recordings=tuple(recordings))
 
 
@@ -152,9 +155,10 @@ def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
     entries = []
     for number, item in enumerate(tables, start=1):
         file = item.get("file")
-        label = f'"{shown(file)}"' if isinstance(file, str) else ""
-        where = " ".join(part for part in (f"recording {number}", f"({label})" if label else "") if part)
-        entries.append(parse_entry(item, Spot(spot.source, where if spot.source else "")))
+        label = file if isinstance(file, str) else ""
+        entries.append(
+            parse_entry(item, Spot(spot.source, f"recording {number}" if spot.source else "", label))
+        )
     roles = {entry.role for entry in entries}
     if "fit" not in roles:
         cure = (
@@ -197,6 +201,19 @@ def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
                     "so it could not judge",
                     "interval" if kept.interval else "file",
                     "Use another file, or give both an interval, such that they do not overlap",
+                )
+
+
+def _require_originals(recordings: list[Recording], entries: list[Entry]) -> None:
+    """Refuse a holdout recording that is a copy of one to fit under another name."""
+    for kept, entry in zip(recordings, entries, strict=True):
+        for other in recordings:
+            if kept.role == "holdout" and other.role == "fit" and np.array_equal(kept.x, other.x):
+                entry.spot.fail(
+                    f'the holdout "{shown(kept.name)}" holds the same positions as "{shown(other.name)}", '
+                    "so it could not judge",
+                    "file",
+                    "Keep another recording aside",
                 )
 
 

@@ -6,6 +6,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+# A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
+JITTER_TOLERANCE = 1e-3
+
 
 class Plant(eqx.Module):
     """What is known of the machine before anything is identified.

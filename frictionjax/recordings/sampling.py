@@ -6,11 +6,9 @@ from jaxtyping import Float, Int
 
 from frictionjax.core import InputError
 from frictionjax.recordings.readers import AbstractTable
-from frictionjax.recordings.recording import Sampling
+from frictionjax.recordings.recording import JITTER_TOLERANCE, Sampling
 from frictionjax.recordings.words import shown
 
-# A step that deviates by more than this part of itself is jitter; it is what the simulation may neglect.
-JITTER_TOLERANCE = 1e-3
 # A step longer than this many nominal ones is a gap.
 _GAP = 1.5
 # Filling more than this part of a recording would be invention.
@@ -26,7 +24,7 @@ class Grid(eqx.Module):
 
     - `sample_rate`: Hz.
     - `sampling`: what the time stamps were like.
-    - `stamps`: the file's time stamps, s, shape `(m,)`.
+    - `stamps`: the file's time stamps, s, shape `(m,)`, free of their rounding where they were only rounded.
     - `uniform`: the times to resample at, s, shape `(n,)`; None when the stamps are uniform as they are.
     """
 
@@ -79,8 +77,12 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
             cure="Correct the time stamps (more decimals, if they were rounded), or, when the samples are known "
             "to be evenly spaced, remove the column and give sample_rate",
         )
-    step = float(np.median(steps))
-    count = np.maximum(np.rint(steps / step), 1.0)
+    index = np.arange(stamps.size)
+    step, start = _line(index, stamps)
+    if float(np.abs(stamps - (start + step * index)).max()) <= _rounding(stamps, step):
+        return Grid(_snapped(1.0 / step), Sampling(), stamps, None)
+    typical = float(np.median(steps))
+    count = np.maximum(np.rint(steps / typical), 1.0)
     missing = float(count.sum()) - steps.size
     if missing > _MOST_MISSING * stamps.size:
         raise InputError(
@@ -93,9 +95,9 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
     index = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     step, start = _line(index, stamps)
     gaps = np.flatnonzero(steps > _GAP * step)
-    deviation = float(np.abs(steps / step - count).max())
-    jitter = 0.0 if _only_rounded(stamps, index, step, start, deviation) else deviation
-    rate = _snapped(1.0 / step)
+    jitter, ideal = float(np.abs(steps / step - count).max()), start + step * index
+    if float(np.abs(stamps - ideal).max()) <= _rounding(stamps, step):
+        jitter, stamps = 0.0, ideal
     resample = jitter > JITTER_TOLERANCE or bool(gaps.size)
     sampling = Sampling(
         jitter=jitter,
@@ -103,7 +105,8 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
         missing=int(missing),
         resampled=resample,
     )
-    return Grid(rate, sampling, stamps, start + step * np.arange(index[-1] + 1) if resample else None)
+    uniform = start + step * np.arange(index[-1] + 1) if resample else None
+    return Grid(_snapped(1.0 / step), sampling, stamps, uniform)
 
 
 def _line(index: Int[np.ndarray, " m"], stamps: Float[np.ndarray, " m"]) -> tuple[float, float]:
@@ -113,23 +116,18 @@ def _line(index: Int[np.ndarray, " m"], stamps: Float[np.ndarray, " m"]) -> tupl
     return step, float(stamps.mean() - step * index.mean())
 
 
-def _only_rounded(
-    stamps: Float[np.ndarray, " m"], index: Int[np.ndarray, " m"], step: float, start: float, deviation: float
-) -> bool:
-    """Whether the stamps deviate from the grid by no more than their floating-point or decimal rounding."""
-    floating = 2 * float(np.spacing(np.abs(stamps).max()))
-    if deviation * step <= 2 * floating:
-        return True
-    if deviation <= JITTER_TOLERANCE:
-        return False
-    error = float(np.abs(stamps - (start + step * index)).max())
+def _rounding(stamps: Float[np.ndarray, " m"], step: float) -> float:
+    """How far the stamps of a uniform grid may lie from it, s, by their floating-point or decimal rounding."""
+    single = np.array_equal(stamps, stamps.astype(np.float32))
+    largest = np.abs(stamps).max()
+    floating = 2 * float(np.spacing(np.float32(largest) if single else largest))
     for decimals in range(10):
         unit = 10.0**-decimals
         if np.abs(stamps - np.rint(stamps / unit) * unit).max() <= max(1e-6 * unit, floating):
-            # A step that is a whole number of units needs no rounding: then the deviation is real.
-            whole = abs(step / unit - round(step / unit)) < 0.01
-            return not whole and error <= 0.55 * unit + floating
-    return False
+            # Steps of a whole number of units need no rounding: what deviates from them deviates in truth.
+            whole = abs(step / unit - round(step / unit)) < 1e-3
+            return floating if whole else 0.55 * unit + floating
+    return floating
 
 
 def _snapped(rate: float) -> float:

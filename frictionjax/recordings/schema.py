@@ -32,19 +32,22 @@ class Spot(eqx.Module):
     **Attributes:**
 
     - `source`: the case file as text; None when there is none (a case made from bare files).
-    - `table`: the table in it, in words: "[plant]", "recording 2 (run.csv)".
+    - `table`: the table in it, in words: "[plant]", "recording 2".
+    - `label`: the file that the table speaks of, as it is written there.
     """
 
     source: str | None = eqx.field(static=True)
     table: str = eqx.field(static=True, default="")
+    label: str = eqx.field(static=True, default="")
 
-    def at(self, key: str = "") -> str:
-        """The place of a key of this table, in words."""
-        return ", ".join(part for part in (self.table, f"key `{shown(key)}`" if key else "") if part)
+    def at(self, key: str = "", label: bool = False) -> str:
+        """The place of a key of this table, in words; with `label`, the file that it speaks of as well."""
+        table = f'{self.table} ("{shown(self.label)}")' if label and self.label and self.table else self.table
+        return ", ".join(part for part in (table, f"key `{shown(key)}`" if key else "") if part)
 
     def fail(self, problem: str, key: str = "", cure: str = "") -> NoReturn:
         """Raise the `InputError` for a key of this table."""
-        raise InputError(problem, file=self.source, place=self.at(key), cure=cure)
+        raise InputError(problem, file=self.source, place=self.at(key, label=True), cure=cure)
 
 
 class Entry(eqx.Module):
@@ -149,7 +152,7 @@ def number(table: dict[str, Any], key: str, spot: Spot, prefix: str = "") -> flo
         spot.fail(
             f"a number is needed, not {_kind(value)}", prefix + key, f"Write {key} = 1.0, without quotes"
         )
-    if not math.isfinite(value) or abs(value) > 1e300:
+    if abs(value) > 1e300 or not math.isfinite(value):  # in this order: a huge integer is no float
         spot.fail(f"{shown(value, 20)} is not a finite number", prefix + key, "Give a finite number")
     return float(value)
 
@@ -204,7 +207,7 @@ def _interval(table: dict[str, Any], spot: Spot) -> tuple[float, float] | None:
     value = table.get("interval")
     if value is None:
         return None
-    if not isinstance(value, list | tuple) or len(value) != 2:
+    if not isinstance(value, list | tuple) or len(value) != 2 or any(isinstance(v, str) for v in value):
         spot.fail("two times are needed", "interval", "Write interval = [0.0, 12.5], in s")
     first, last = (number({"interval": time}, "interval", spot) for time in value)
     if first is None or last is None or last <= first:

@@ -46,12 +46,12 @@ def require_file(path: Path, *, said_in: object = None, place: str = "") -> Path
         names = [p.name for p in path.parent.iterdir() if p.is_file()] if folder_exists else []
     except (OSError, ValueError):  # a name no file system accepts: too long, or with a null character
         folder_exists, is_folder, names = True, False, []
-    file, what = (said_in, f'the file "{shown(path, 200)}"') if said_in else (shown(path, 200), "the file")
+    file, what = (said_in, f'the file "{shown(path, 120)}"') if said_in else (shown(path, 120), "the file")
     if is_folder:
-        inside = "case.toml" if (path / "case.toml").is_file() else "a file"
+        inside = "case.toml" if not said_in and (path / "case.toml").is_file() else "a file"
         raise InputError(f"{what} is a folder", file=file, place=place, cure=f"Name {inside} inside it")
     if not folder_exists:
-        cure = f'There is no folder "{shown(path.parent, 200)}": correct the path'
+        cure = f'There is no folder "{shown(path.parent, 120)}": correct the path'
     elif near := nearest(path.name, names):
         cure = f'Did you mean "{shown(near)}"?'
     else:

@@ -136,7 +136,8 @@ def _separator(lines: list[str]) -> tuple[str | None, int]:
 
 def _names(line: str, separator: str | None, width: int) -> list[str] | None:
     """The names in a header line, which may use another separator than the numbers; None when they do not fit."""
-    attempts = [split(line, other) for other in dict.fromkeys((separator, "\t", ";", ",", None))]
+    others = ("\t", ";", ",", None)  # blanks come last: "t, u, x" above columns between blanks
+    attempts = [split(line, other) for other in dict.fromkeys((separator, *others) if separator else others)]
     attempts.append([field.strip() for field in re.split(r"\s{2,}|\t", line)])
     for fields in attempts:
         if len(fields) == width + 1 and not fields[-1]:

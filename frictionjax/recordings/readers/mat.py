@@ -106,7 +106,10 @@ def _collect(name: str, value: object, columns: dict[str, np.ndarray], refused: 
             for field in value.dtype.names:
                 _collect(f"{prefix}.{field}", element[field], columns, refused)
     elif value.dtype == object or value.dtype.names is not None:
-        refused[name] = "is a cell array or a MATLAB object (table, timeseries), not a numeric vector"
+        refused[name] = (
+            "is a cell array or a MATLAB object (table, timeseries), not a numeric vector: save its numbers as one, "
+            "such as `x = cell2mat(x)` or `x = ts.Data`"
+        )
     elif value.dtype.kind not in "buif":
         refused[name] = "holds text or complex numbers, not real numbers"
     elif value.size < 2:

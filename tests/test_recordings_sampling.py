@@ -1,0 +1,95 @@
+"""Time stamps: what counts as uniform, and what happens to what does not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from frictionjax.core import InputError
+from frictionjax.recordings.readers.mat import MatTable
+from frictionjax.recordings.sampling import find_grid
+
+TABLE = MatTable(Path("run.mat"), ("t",), {}, {})
+RNG = np.random.default_rng(7)
+
+
+def grid(stamps):
+    return find_grid(np.asarray(stamps, dtype=float), TABLE, "t")
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 200.0, 44.1, 10000.0 / 3.0, 48000.0])
+def test_uniform_time_is_left_alone(rate):
+    found = grid(np.arange(5000) / rate)
+    np.testing.assert_allclose(found.sample_rate, rate, rtol=1e-12)
+    assert found.uniform is None and found.sampling.jitter < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("rate", "decimals"), [(3000.0, 4), (3000.0, 5), (48000.0, 6), (600.0, 3), (7.0, 2), (700.0, 3)]
+)
+def test_rounded_stamps_are_not_jitter(rate, decimals):
+    found = grid(np.round(np.arange(5000) / rate, decimals))
+    assert found.uniform is None and found.sampling.jitter == 0.0
+    np.testing.assert_allclose(found.sample_rate, rate, rtol=1e-4)
+
+
+def test_stamps_far_from_zero_and_single_precision_are_not_jitter():
+    assert grid(1.7e9 + np.arange(5000) / 10000.0).uniform is None
+    assert grid(np.float32(np.arange(20000) / 1000.0)).uniform is None
+
+
+def test_a_nearly_whole_rate_is_whole():
+    assert grid(np.arange(5000) * 0.9999999e-3).sample_rate == 1000.0
+    assert grid(np.arange(5000) * 0.999e-3).sample_rate == pytest.approx(1001.001)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.2])
+def test_jitter_is_measured_and_resampled(size):
+    t = (np.arange(4000) + RNG.uniform(-size, size, 4000)) / 1000.0
+    found = grid(t)
+    assert found.sampling.resampled and not found.sampling.gaps
+    assert size < found.sampling.jitter <= 2.0 * size * 1.01
+    np.testing.assert_allclose(found.sample_rate, 1000.0, rtol=1e-4)
+    assert found.uniform is not None and found.uniform.size == 4000
+    x = np.sin(2.0 * np.pi * 5.0 * t)
+    np.testing.assert_allclose(found.follow(x)[1:], np.sin(2.0 * np.pi * 5.0 * found.uniform)[1:], atol=1e-3)
+
+
+def test_an_input_of_two_levels_keeps_its_levels_and_its_timing():
+    u = np.repeat(RNG.choice([-1.0, 1.0], 400), 10)
+    t = (np.arange(4000) + RNG.uniform(-0.2, 0.2, 4000)) / 1000.0
+    np.testing.assert_array_equal(grid(t).hold(u), u)
+
+
+def test_gaps_are_counted_and_filled():
+    keep = np.r_[0:1000, 1002:2500, 2550:5000]
+    found = grid(keep / 1000.0)
+    assert [round(time, 6) for time, _ in found.sampling.gaps] == [0.999, 2.499]
+    assert [round(length, 6) for _, length in found.sampling.gaps] == [0.003, 0.051]
+    assert (found.sampling.missing, found.sample_rate, found.sampling.jitter < 1e-6) == (52, 1000.0, True)
+    ramp = keep / 100.0
+    np.testing.assert_allclose(found.follow(ramp), np.arange(5000) / 100.0, atol=1e-9)
+    held = found.hold(keep.astype(float))
+    np.testing.assert_array_equal(held[[999, 1000, 1001, 1002]], [999.0, 999.0, 999.0, 1002.0])
+
+
+def test_one_stamp_out_of_place_is_found():
+    t = np.arange(1000) / 1000.0
+    t[500] += 2e-4
+    found = grid(t)
+    assert found.sampling.resampled
+    np.testing.assert_allclose(found.sampling.jitter, 0.2, rtol=1e-3)
+
+
+@pytest.mark.parametrize("k", [1, 500, 999])
+@pytest.mark.parametrize(("back", "word"), [(0.0, "stands still"), (0.3, "goes backwards")])
+def test_time_must_go_forward(k, back, word):
+    t = np.arange(1000) / 1000.0
+    t[k] = t[k - 1] - back
+    with pytest.raises(InputError, match=f"sample {k + 1}, column `t`: time {word}"):
+        grid(t)
+
+
+def test_too_much_missing_is_refused():
+    with pytest.raises(InputError, match="not a uniformly sampled recording"):
+        grid(np.cumsum(RNG.exponential(1e-3, 1000) + 1e-5))
