@@ -45,6 +45,6 @@ class MaxwellSlip(AbstractBristleEffect):
     )
 
     def share_and_yield(self) -> tuple[Float[Array, " count"], Float[Array, " count"]]:
-        quantile = (jnp.arange(self.count) + 0.5) / self.count
+        quantile = (jnp.arange(self.count, dtype=self.shape.dtype) + 0.5) / self.count
         spread = (-jnp.log1p(-quantile)) ** (1.0 / self.shape)
         return jnp.full((self.count,), 1.0 / self.count) * self.share, spread / jnp.mean(spread)

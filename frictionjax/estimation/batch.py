@@ -1,0 +1,104 @@
+"""Recordings side by side: padded to one length, with masks, noise levels and starting states."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.recordings import Recording
+
+# The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
+_SETTLING = 0.1
+BLOCK = 0.05
+"""Length of a block, s: the likelihood counts blocks, so that one break-away cannot outvote all else."""
+
+
+class Batch(eqx.Module):
+    """`r` recordings padded to `n` samples (`n` a whole number of blocks).
+
+    **Attributes:** `u`, `x` (input and position units), `valid` (1 where scored, else 0), shape `(r, n)`;
+    `dt` (s), `noise` (standard deviation of the position noise), `x0`, `v0`, shape `(r,)`; `block` (samples per
+    block); `names`; `lengths` (samples of each recording).
+    """
+
+    u: Float[Array, "r n"]
+    x: Float[Array, "r n"]
+    valid: Float[Array, "r n"]
+    dt: Float[Array, " r"]
+    noise: Float[Array, " r"]
+    x0: Float[Array, " r"]
+    v0: Float[Array, " r"]
+    block: int = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    lengths: tuple[int, ...] = eqx.field(static=True)
+
+    def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
+        """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
+        shape = (*squares.shape[:-1], -1, self.block)
+        weight = self.valid.reshape(shape)
+        total = jnp.sum(squares.reshape(shape) * weight, axis=-1)
+        return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
+
+    @property
+    def block_count(self) -> Float[Array, "r b"]:
+        """Scored samples in each block, shape `(r, n / block)`."""
+        return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+
+
+def noise_level(recording: Recording, encoder_step: float | None = None) -> float:
+    """Standard deviation of the position noise, position units, from fourth differences.
+
+    `std(diff(x, 4)) / sqrt(70)` is blind to smooth motion; its median over short stretches is blind to impacts.
+    Not below what the quantisation alone leaves, step / sqrt(12).
+    """
+    differences = np.diff(recording.x, 4)
+    stretch = max(differences.size // 200, 50)
+    usable = differences[: differences.size // stretch * stretch].reshape(-1, stretch)
+    if encoder_step is None:
+        jumps = np.abs(np.diff(recording.x))
+        jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
+        encoder_step = float(np.min(jumps)) if jumps.size else 0.0
+    return max(float(np.sqrt(np.median(np.mean(usable**2, axis=1)) / 70.0)), encoder_step / np.sqrt(12.0))
+
+
+def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
+    """Put force-driven `recordings` side by side in a `Batch`."""
+    block = max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
+    longest = max(r.x.size for r in recordings)
+    padded = -(-longest // block) * block
+
+    def pad(values: np.ndarray) -> np.ndarray:
+        # Padding repeats the last value: finite, at rest, and masked (NaN would poison derivatives).
+        return np.pad(values, (0, padded - values.size), mode="edge")
+
+    valid = np.zeros((len(recordings), padded))
+    x0, v0 = [], []
+    for row, recording in enumerate(recordings):
+        valid[row, round(_SETTLING * recording.sample_rate) : recording.x.size] = 1.0
+        head = recording.x[: max(round(0.01 * recording.sample_rate), 10)]
+        slope, level = np.polyfit(np.arange(head.size) / recording.sample_rate, head, 1)
+        x0.append(float(level))
+        v0.append(float(slope))
+    noise = [noise_level(r, encoder_step) for r in recordings]
+    # A start at rest is the rule; a slope that the noise explains is no motion.
+    rates = [r.sample_rate for r in recordings]
+    v0 = [
+        v if abs(v) > 10.0 * s * rate / max(round(0.01 * rate), 10) ** 1.5 else 0.0
+        for v, s, rate in zip(v0, noise, rates, strict=True)
+    ]
+    x0 = [
+        float(np.mean(r.x[: max(round(0.01 * r.sample_rate), 10)])) if v == 0.0 else x
+        for r, x, v in zip(recordings, x0, v0, strict=True)
+    ]
+    return Batch(
+        u=jnp.asarray(np.stack([pad(r.u) for r in recordings])),
+        x=jnp.asarray(np.stack([pad(r.x) for r in recordings])),
+        valid=jnp.asarray(valid),
+        dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
+        noise=jnp.asarray(noise),
+        x0=jnp.asarray(x0),
+        v0=jnp.asarray(v0),
+        block=block,
+        names=tuple(r.name for r in recordings),
+        lengths=tuple(r.x.size for r in recordings),
+    )

@@ -1,0 +1,249 @@
+"""`fit`: the free parameters of a drive from all recordings jointly."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.core import Estimate, Progress, require_x64, silent
+from frictionjax.estimation.batch import Batch, make_batch
+from frictionjax.estimation.least_squares import Setting, levenberg_marquardt, predicted_errors
+from frictionjax.estimation.parameters import (
+    Free,
+    at_a_bound,
+    base_layout,
+    effect_layout,
+    pack,
+    unpack,
+)
+from frictionjax.estimation.residuals import block_power, mismatch, weights
+from frictionjax.estimation.uncertainty import estimates, normal_equations, sandwich
+from frictionjax.physics import Drive
+from frictionjax.recordings import Recording
+from frictionjax.simulation import innovation_gain, observer_gains
+
+FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
+"""Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
+
+_GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee of the likelihood, in turn
+_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
+
+
+class Problem(eqx.Module):
+    """Recordings and layout of one model structure, ready to be fitted.
+
+    **Attributes:** `layout` (free parameters), `setting` (everything else), `floor` (power of the standardised
+    innovations that a perfect model leaves).
+    """
+
+    layout: tuple[Free, ...] = eqx.field(static=True)
+    setting: Setting
+    floor: float
+
+    def at_bandwidth(self, bandwidth: float) -> "Problem":
+        """The same problem seen by an observer of `bandwidth` Hz."""
+        dt = self.setting.batch.dt
+        gains = observer_gains(min(bandwidth, 0.1 / float(jnp.max(dt))), dt)
+        setting = eqx.tree_at(lambda s: s.gains, self.setting, gains)
+        floor = innovation_gain(min(bandwidth, 0.1 / float(jnp.max(dt))), float(dt[0])) ** 2
+        return Problem(self.layout, setting, floor)
+
+    def weighted(self, power: Float[Array, "r b"], knee: float) -> "Problem":
+        """The same problem with the weights of the block powers `power` and the knee `knee` (in noise levels)."""
+        weight = weights(power, jnp.asarray(knee), self.setting.batch)
+        return eqx.tree_at(lambda p: p.setting.weight, self, weight)
+
+    def power(self, vector: Float[Array, " q"]) -> Float[Array, "r b"]:
+        """Block powers of the standardised innovations, shape `(r, b)`."""
+        return _power(self.layout, vector, self.setting)
+
+    def mismatch(self, vector: Float[Array, " q"]) -> float:
+        """Robust misfit per sample: 0 when every block is at the noise floor."""
+        return float(mismatch(self.power(vector), jnp.asarray(self.floor), self.setting.batch))
+
+    def drive(self, vector: Float[Array, " q"]) -> Drive:
+        """The `Drive` of a free vector."""
+        count = len(self.layout)
+        return unpack(self.layout, self.setting.drive, vector[:count], self.setting.start[:count])
+
+
+@eqx.filter_jit
+def _power(layout, vector, setting):
+    return block_power(predicted_errors(layout, vector, setting), setting.batch)
+
+
+def make_problem(
+    drive: Drive,
+    batch: Batch,
+    *,
+    scales: dict[str, float] | None = None,
+    known_inertia: bool = False,
+    bandwidth: float = FAST_BANDWIDTH,
+) -> tuple[Problem, Float[Array, " q"]]:
+    """The problem of fitting `drive` (base parameters and those of its effects) to `batch`, and its first vector.
+
+    **Arguments:**
+
+    - `drive`: structure and start.
+    - `batch`: the recordings.
+    - `scales`: the plant's own sizes by name, for the effects' scales.
+    - `known_inertia`: keep J.
+    - `bandwidth`: of the observer, Hz.
+    """
+    layout = base_layout(drive, known_inertia=known_inertia) + effect_layout(drive, scales or {})
+    recordings = batch.u.shape[0]
+    start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
+    deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
+    prior = 1.0 / jnp.asarray(deviation + [_PRIOR_DEFLECTION] * recordings)
+    gains = observer_gains(bandwidth, batch.dt)
+    problem = Problem(layout, Setting(drive, batch, gains, batch.valid, start, prior), 1.0)
+    return problem.at_bandwidth(bandwidth), start
+
+
+def descend(
+    problem: Problem, vector: Float[Array, " q"], *, graduate: bool = True, rounds: int = 4, steps: int = 4
+) -> tuple[Float[Array, " q"], float, bool]:
+    """Minimise the robust misfit by re-weighted Levenberg-Marquardt.
+
+    The knee of the likelihood comes down from the upper quantiles of the block powers to the noise floor: with
+    the knee at the floor from the start, a regime that misfits would be ignored.
+
+    **Returns:**
+
+    Vector, misfit, and whether the last round still gained less than 1e-4 (converged).
+    """
+    best, best_value = vector, problem.mismatch(vector)
+    scored = np.asarray(problem.setting.batch.block_count) > 0
+    if graduate:
+        for quantile in _GRADUATION:
+            power = problem.power(vector)
+            level = max(float(np.quantile(np.asarray(power)[scored], quantile)), problem.floor)
+            if level < 1.2 * problem.floor:
+                continue  # the next knee would be the floor: that is what the rounds below do
+            vector, _ = levenberg_marquardt(
+                problem.layout, vector, problem.weighted(power, level**0.5).setting, steps
+            )
+            value = problem.mismatch(vector)
+            if value < best_value:
+                best, best_value = vector, value
+    converged = False
+    for _ in range(rounds):
+        power = problem.power(best)
+        vector, _ = levenberg_marquardt(
+            problem.layout, best, problem.weighted(power, problem.floor**0.5).setting, steps
+        )
+        value = problem.mismatch(vector)
+        gained = best_value - value
+        if gained > 0:
+            best, best_value = vector, value
+        if gained < 1e-4:
+            converged = True
+            break
+    return best, best_value, converged
+
+
+class FitResult(eqx.Module):
+    """A fitted drive.
+
+    **Attributes:**
+
+    - `drive`: the fitted `Drive`.
+    - `parameters`: label -> `Estimate` in physical units, standard errors by the clustered sandwich.
+    - `covariance`: of the free vector (scaled and transformed), shape `(q, q)`.
+    - `mismatch`: robust misfit per sample (0: noise).
+    - `success`, `message`: whether the fit converged, and why it stopped or which bound it touches.
+    - `problem`, `vector`: for those who go on from here.
+    """
+
+    drive: Drive
+    parameters: dict[str, Estimate] = eqx.field(static=True)
+    covariance: Float[np.ndarray, "q q"]
+    mismatch: float
+    success: bool
+    message: str = eqx.field(static=True)
+    problem: Problem
+    vector: Float[Array, " q"]
+
+    @property
+    def stderr(self) -> dict[str, float]:
+        """Label -> standard error in physical units."""
+        return {name: estimate.stderr for name, estimate in self.parameters.items()}
+
+
+def finish(problem: Problem, vector: Float[Array, " q"], converged: bool, units: dict[str, str]) -> FitResult:
+    """Standard errors and message for the end of a fit; `units` maps force, position, input to unit names."""
+    final = problem.weighted(problem.power(vector), problem.floor**0.5)
+    hessian, gradients = normal_equations(final.layout, vector, final.setting)
+    covariance = sandwich(np.asarray(hessian), np.asarray(gradients))
+    count = len(problem.layout)
+    ends = at_a_bound(problem.layout, vector[:count], problem.setting.start[:count])
+    message = "The fit converged." if converged else "The fit stopped while still improving slightly."
+    if ends:
+        message += f" At the end of its range: {', '.join(ends)}."
+    return FitResult(
+        drive=problem.drive(vector),
+        parameters=estimates(problem.layout, vector, final.setting, covariance, units),
+        covariance=covariance,
+        mismatch=problem.mismatch(vector),
+        success=converged and bool(np.all(np.isfinite(np.asarray(vector)))),
+        message=message,
+        problem=final,
+        vector=vector,
+    )
+
+
+def fit(
+    drive: Drive | Sequence[Drive],
+    recordings: Sequence[Recording],
+    *,
+    encoder_step: float | None = None,
+    known_inertia: bool = False,
+    scales: dict[str, float] | None = None,
+    units: dict[str, str] | None = None,
+    progress: Progress = silent,
+) -> FitResult:
+    """Fit inertia, LuGre parameters and the effects of `drive` to all `recordings` jointly.
+
+    Prediction errors of a fixed-gain observer (robust to the drift of open-loop integration), block-wise Cauchy
+    likelihood, Levenberg-Marquardt in scaled coordinates with forward-mode Jacobians; observer at 100 Hz first,
+    then at 50 Hz.
+
+    **Arguments:**
+
+    - `drive`: structure and starting values, or several starts of one structure: the best goes on.
+    - `recordings`: force-driven recordings.
+    - `encoder_step`: quantum of the position sensor; None: the smallest step in the data.
+    - `known_inertia`: keep J at the value of `drive`.
+    - `scales`: sizes of the plant by name (see `frictionjax.diagnosis`); needed when effects are present.
+    - `units`: names for `force`, `position` and `input`.
+    - `progress`: called as the fit goes on.
+
+    **Returns:**
+
+    A `FitResult`.
+
+    **Raises:**
+
+    `PrecisionError` unless JAX computes in float64; `ValueError` when there is no recording.
+    """
+    require_x64()
+    if not recordings:
+        raise ValueError("`recordings` is empty; `fit` needs at least one recording.")
+    starts = (drive,) if isinstance(drive, Drive) else tuple(drive)
+    batch = make_batch(tuple(recordings), encoder_step=encoder_step)
+    tried = []
+    for index, start in enumerate(starts):
+        progress("base fit: start", 0.6 * index / len(starts))
+        problem, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
+        # One template for all starts: the vector carries the start, and nothing is compiled twice.
+        first, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
+        tried.append((*descend(first, vector, rounds=1 if len(starts) > 1 else 3)[:2], first))
+    vector, _, problem = min(tried, key=lambda attempt: attempt[1])
+    progress("base fit: slow observer", 0.6)
+    vector, _, _ = descend(problem, vector, graduate=False, rounds=3)
+    slow = problem.at_bandwidth(SLOW_BANDWIDTH)
+    vector, _, converged = descend(slow, vector, rounds=4)
+    progress("base fit: standard errors", 0.95)
+    return finish(slow, vector, converged, units or {})

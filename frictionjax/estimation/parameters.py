@@ -1,0 +1,137 @@
+"""Free parameters of a drive as one scaled vector, in which a step of 1 is a large but sensible step.
+
+Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), strengths of effects in units of their scale.
+"""
+
+import math
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.physics import Drive
+
+# Fs is between these parts above Fc: at Fs = Fc its logarithm, and the sensitivity to vs, would be lost for good;
+# far above, Fs and vs together make a needle that only chases single samples.
+_LEAST_EXCESS, _MOST_EXCESS = 1e-3, 2.0
+# How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
+# read off directly; those of stiffness and damping may be guesses.
+_REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0}
+_WIDEST = 1e4
+
+
+class Free(eqx.Module):
+    """One free parameter: where it sits (`path` in the `Drive`), what it is, its scale and its start."""
+
+    path: str = eqx.field(static=True)
+    parameter: Parameter = eqx.field(static=True)
+    scale: float = eqx.field(static=True)
+
+    @property
+    def label(self) -> str:
+        """Name as in the verdict: the parameter's own name."""
+        return self.path.rsplit(".", 1)[-1]
+
+    def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
+        if self.path == "friction.Fs":
+            return math.log(_LEAST_EXCESS) + 0.0 * start, math.log(_MOST_EXCESS) + 0.0 * start
+        lower, upper = self.parameter.lower, self.parameter.upper
+        if self.parameter.transform == "log":
+            reach = math.log(_REACH.get(self.label, _WIDEST))
+            low = jnp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
+            return low, jnp.minimum(start + reach, math.log(upper) if upper < math.inf else jnp.inf)
+        return lower / self.scale + 0.0 * start, upper / self.scale + 0.0 * start
+
+
+_INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
+
+
+def base_layout(drive: Drive, *, known_inertia: bool = False) -> tuple[Free, ...]:
+    """The free parameters of the base model: J (unless known) and the six of LuGre."""
+    inertia = () if known_inertia else (Free("J", _INERTIA, 1.0),)
+    return inertia + tuple(Free(f"friction.{p.name}", p, 1.0) for p in drive.friction.parameters)
+
+
+def effect_layout(drive: Drive, scales: dict[str, float]) -> tuple[Free, ...]:
+    """The free parameters of the effects of `drive`; `scales` gives the plant's own sizes by name."""
+    layout = []
+    for index, effect in enumerate(drive.effects):
+        for parameter in effect.strengths + effect.nuisances:
+            if parameter.transform != "none":
+                scale = parameter.scale if isinstance(parameter.scale, float) else scales[parameter.scale]
+                layout.append(Free(f"effects.{index}.{parameter.name}", parameter, float(scale)))
+    return tuple(layout)
+
+
+def _getter(path: str) -> Callable:
+    def get(tree):
+        for part in path.split("."):
+            tree = tree[int(part)] if part.isdigit() else getattr(tree, part)
+        return tree
+
+    return get
+
+
+def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
+    """The vector of `drive`'s free parameters, shape `(p,)`."""
+    values = []
+    for free in layout:
+        value = _getter(free.path)(drive)
+        if free.path == "friction.Fs":
+            values.append(jnp.log(jnp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS)))
+        elif free.parameter.transform == "log":
+            values.append(jnp.log(value))
+        else:
+            values.append(value / free.scale)
+    return jnp.stack(values) if values else jnp.zeros(0)
+
+
+def unpack(
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
+) -> Drive:
+    """`drive` with its free parameters set from `vector`; each stays inside its range."""
+    getters = [_getter(free.path) for free in layout]
+    values = []
+    Fc = drive.friction.Fc
+    for index, free in enumerate(layout):
+        coordinate = jnp.clip(vector[index], *free.range(start[index]))
+        if free.parameter.transform == "log":
+            value = jnp.exp(coordinate)
+            if free.path == "friction.Fc":
+                Fc = value
+            if free.path == "friction.Fs":
+                value = Fc * (1.0 + value)
+        else:
+            value = coordinate * free.scale
+        values.append(value)
+    return eqx.tree_at(lambda d: [get(d) for get in getters], drive, values)
+
+
+def physical(
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Physical values, shape `(p,)`, and their Jacobian by the vector, shape `(p, p)`: for the delta method."""
+    getters = [_getter(free.path) for free in layout]
+
+    def values(point):
+        full = unpack(layout, drive, point, start)
+        return jnp.stack([get(full) for get in getters])
+
+    return np.asarray(values(vector)), np.asarray(jax.jacfwd(values)(vector))
+
+
+def at_a_bound(
+    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"]
+) -> tuple[str, ...]:
+    """Labels of the free parameters that ended at an end of their admissible range."""
+    ends = []
+    for free, coordinate, first in zip(layout, np.asarray(vector), np.asarray(start), strict=True):
+        low, high = free.range(jnp.asarray(first))
+        if not float(low) < float(coordinate) < float(high):
+            ends.append(free.label)
+    return tuple(ends)

@@ -1,0 +1,97 @@
+"""Inverse dynamics: what sliding motion alone says of inertia, Coulomb and viscous friction."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import lsq_linear
+from scipy.signal import savgol_filter
+
+from frictionjax.recordings import Recording
+
+# s: smoothing of position and input alike, so that both lose the same frequencies. The longest serves servo moves;
+# the shorter ones are for motion that is all vibration.
+WINDOWS = (0.025, 0.008, 0.003)
+
+
+class SlidingMotion(eqx.Module):
+    """Smoothed motion of one recording, shape `(n,)`: `x`, `v`, `a` and the motor force `force`."""
+
+    x: Float[np.ndarray, " n"]
+    v: Float[np.ndarray, " n"]
+    a: Float[np.ndarray, " n"]
+    force: Float[np.ndarray, " n"]
+
+
+class SlidingFit(eqx.Module):
+    """Least-squares fit of force = J a + Fc sgn v + sigma2 v + offset over sliding samples.
+
+    **Attributes:** the four coefficients, `top_speed`, `used` (number of samples), `spread` (robust standard
+    deviation of what is left, force units), `unexplained` (that over the spread of the force itself), `credible`.
+    """
+
+    J: float = eqx.field(static=True)
+    Fc: float = eqx.field(static=True)
+    sigma2: float = eqx.field(static=True)
+    offset: float = eqx.field(static=True)
+    top_speed: float = eqx.field(static=True)
+    used: int = eqx.field(static=True)
+    spread: float = eqx.field(static=True)
+    unexplained: float = eqx.field(static=True)
+
+    @property
+    def credible(self) -> bool:
+        """True when inertia and Coulomb friction stand out of what is left unexplained."""
+        return self.J > 0.0 and self.Fc > 0.02 * self.spread and self.unexplained < 0.5 and self.used >= 200
+
+
+def smooth_motion(recording: Recording, motor_constant: float, seconds: float = WINDOWS[0]) -> SlidingMotion:
+    """Local cubic fits over `seconds` to position and motor force (`motor_constant` times u) of `recording`."""
+    window = max(round(seconds * recording.sample_rate) | 1, 7)
+    window = min(window, (recording.x.size - 1) | 1)
+    dt = 1.0 / recording.sample_rate
+    # The input is held between samples: on the average it acts half a sample later than its time stamp.
+    held = 0.5 * (recording.u + np.concatenate([recording.u[:1], recording.u[:-1]]))
+    return SlidingMotion(
+        x=savgol_filter(recording.x, window, 3),
+        v=savgol_filter(recording.x, window, 3, deriv=1, delta=dt),
+        a=savgol_filter(recording.x, window, 3, deriv=2, delta=dt),
+        force=motor_constant * savgol_filter(held, window, 3),
+    )
+
+
+def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = None) -> SlidingFit:
+    """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed.
+
+    **Arguments:**
+
+    - `motions`: smoothed recordings.
+    - `inertia`: known inertia, or None.
+    """
+    top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
+    v, a, force = (
+        np.concatenate([getattr(m, name)[np.abs(m.v) > 0.05 * top_speed] for m in motions])
+        for name in ("v", "a", "force")
+    )
+    columns = [np.sign(v), v, np.ones_like(v)]
+    target = force
+    if inertia is None:
+        columns.insert(0, a)
+    else:
+        target = force - inertia * a
+    design = np.stack(columns, axis=1)
+    # A negative inertia or friction is no start for anything: those coefficients are kept at or above zero.
+    lower = np.where(np.arange(design.shape[1]) == design.shape[1] - 1, -np.inf, 0.0)
+    size = np.sqrt(np.mean(design**2, axis=0)) + 1e-300
+    weight = np.ones_like(v)
+    solution, spread = np.zeros(design.shape[1]), np.inf
+    for _ in range(10):
+        root = np.sqrt(weight)[:, None]
+        scaled = lsq_linear(design / size * root, target * root[:, 0], bounds=(lower, np.inf))
+        solution = scaled.x / size
+        left = np.abs(target - design @ solution)
+        spread = 1.4826 * float(np.median(left))
+        weight = np.minimum(1.0, 2.0 * spread / np.maximum(left, 1e-300))
+    J = inertia if inertia is not None else float(solution[0])
+    Fc, sigma2, offset = (float(s) for s in solution[-3:])
+    unexplained = spread / max(1.4826 * float(np.median(np.abs(force))), 1e-300)
+    return SlidingFit(J, Fc, sigma2, offset, top_speed, int(v.size), spread, unexplained)

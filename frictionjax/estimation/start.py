@@ -1,0 +1,127 @@
+"""Starting values from the recordings alone: the user guesses nothing.
+
+FRF and Sanathanan-Koerner on broadband stick recordings give J, stiffness and damping; sliding motion gives J, Fc and
+sigma2; the highest force at low speed gives Fs. Where there is no stick recording several stiffnesses are
+offered, and the fit chooses.
+"""
+
+import equinox as eqx
+import numpy as np
+
+from frictionjax.estimation.sliding import WINDOWS, SlidingFit, SlidingMotion, fit_sliding, smooth_motion
+from frictionjax.frequency import SKResult, estimate_frf, fit_sk
+from frictionjax.physics import Drive, LuGre
+from frictionjax.recordings import Recording
+
+
+class Start(eqx.Module):
+    """Where a fit may start.
+
+    **Attributes:** `drives` (alternatives, most credible first), `notes` (sentences: what could not be seen),
+    `presliding_seen` (whether a recording showed the stiffness in stick).
+    """
+
+    drives: tuple[Drive, ...]
+    notes: tuple[str, ...] = eqx.field(static=True)
+    presliding_seen: bool = eqx.field(static=True)
+
+
+def starting_values(
+    recordings: tuple[Recording, ...], *, motor_constant: float = 1.0, inertia: float | None = None
+) -> Start:
+    """Starting values for the base fit.
+
+    **Arguments:**
+
+    - `recordings`: force-driven recordings.
+    - `motor_constant`: force per input unit (1 when unknown: forces are then per input unit).
+    - `inertia`: known inertia, or None.
+
+    **Returns:**
+
+    A `Start`.
+    """
+    trials = []
+    for seconds in WINDOWS:
+        motions = tuple(smooth_motion(r, motor_constant, seconds) for r in recordings)
+        sliding = fit_sliding(motions, inertia=inertia)
+        trials.append((not sliding.credible, sliding.unexplained, motions, sliding))
+        if sliding.credible:
+            break
+    *_, motions, sliding = min(trials, key=lambda trial: trial[:2])
+    stick = _best_stick(recordings, motions, motor_constant, sliding)
+    notes = []
+    if not sliding.credible:
+        notes.append(
+            "Inertia, Coulomb and viscous friction explain little of the force in sliding "
+            f"(left unexplained: {100 * min(sliding.unexplained, 1.0):.0f} %)."
+        )
+    J = sliding.J if sliding.credible or stick is None else stick.J.value
+    effort = max(float(np.sqrt(np.mean(m.force**2))) for m in motions)
+    if J <= 0.0:
+        # Inertia that would take all of the force to make the measured acceleration.
+        J = effort / max(float(np.sqrt(np.mean(m.a**2))) for m in motions)
+    Fc = max(sliding.Fc, 0.02 * effort)
+    Fs = _break_away(motions, J, Fc, sliding)
+    # A hundredth of Coulomb friction at top speed is as good as zero, and positive.
+    sigma2 = max(sliding.sigma2, 0.01 * Fc / sliding.top_speed)
+    vs = 0.03 * sliding.top_speed
+    drives = []
+    if stick is not None:
+        stiffness = stick.stiffness.value
+        damping = max(stick.damping.value - sigma2, 0.1 * np.sqrt(stiffness * J))
+        for spread in (1.0, 4.0):
+            drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
+    else:
+        notes.append(
+            "No broadband recording in stick: bristle stiffness and damping show only at reversals, "
+            "and are barely visible."
+        )
+        stroke = max(float(np.ptp(m.x)) for m in motions)
+        for part, spread in ((1e-4, 1.0), (1e-3, 1.0), (1e-3, 6.0), (1e-2, 1.0)):
+            stiffness = Fs / (part * stroke)
+            damping = np.sqrt(stiffness * J)
+            drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
+    return Start(tuple(drives), tuple(notes), stick is not None)
+
+
+def _best_stick(
+    recordings: tuple[Recording, ...],
+    motions: tuple[SlidingMotion, ...],
+    motor_constant: float,
+    sliding: SlidingFit,
+) -> SKResult | None:
+    """The FRF fit of the quietest open-loop recording that has one worth believing; None when there is none."""
+    results = []
+    for recording, motion in zip(recordings, motions, strict=True):
+        if recording.loop != "open" or recording.x.size < 4096:
+            continue
+        segment = 4096 if recording.x.size >= 16384 else 1024
+        frf = estimate_frf(recording.u, recording.x, recording.sample_rate, segment=segment)
+        top = min(300.0, 0.2 * recording.sample_rate)
+        inside = (np.asarray(frf.frequency) > 3.0) & (np.asarray(frf.frequency) < top)
+        # Broadband means that most lines of the band are coherent, not that a sine is.
+        if np.mean(np.asarray(frf.coherence)[inside] > 0.6) < 0.25:
+            continue
+        sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant)
+        positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
+        if not positive:
+            continue
+        # In stick the machine stays within a few bristle deflections; in sliding "stiffness" is a fiction.
+        deflection = np.max(np.abs(motion.force)) / sk.stiffness.value
+        if np.std(recording.x) > 3.0 * deflection:
+            continue
+        if sliding.credible and not 0.4 < sk.J.value / sliding.J < 2.5:
+            continue
+        results.append((float(np.std(recording.x)), sk))
+    return min(results, key=lambda pair: pair[0])[1] if results else None
+
+
+def _break_away(motions: tuple[SlidingMotion, ...], J: float, Fc: float, sliding: SlidingFit) -> float:
+    """Highest smoothed force on the friction at low speed, kept between 1.05 and 2.5 times Coulomb friction."""
+    peaks = []
+    for motion in motions:
+        slow = np.abs(motion.v) < 0.02 * sliding.top_speed
+        if np.any(slow):
+            peaks.append(float(np.quantile(np.abs(motion.force - J * motion.a)[slow], 0.995)))
+    return float(np.clip(max(peaks, default=1.2 * Fc), 1.05 * Fc, 2.5 * Fc))

@@ -1,0 +1,66 @@
+"""Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.core import Estimate
+from frictionjax.estimation.least_squares import Setting, error_jacobian
+from frictionjax.estimation.parameters import Free, physical
+
+CLUSTER_BLOCKS = 10
+"""Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
+
+
+@eqx.filter_jit
+def normal_equations(
+    layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
+) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
+    """Weighted Gauss-Newton matrix with the prior, shape `(q, q)`, and the gradient of each cluster, `(c, q)`."""
+    e, jacobian = error_jacobian(layout, vector, setting)
+    hessian = jnp.einsum("irn,jrn,rn->ij", jacobian, jacobian, setting.weight) + jnp.diag(setting.prior**2)
+    return hessian, cluster_gradients(e, jacobian, setting)
+
+
+def cluster_gradients(
+    e: Float[Array, "r n"], columns: Float[Array, "q r n"], setting: Setting
+) -> Float[Array, "c q"]:
+    """Weighted products of the innovations with each column, summed over clusters of 0.5 s; shape `(c, q)`."""
+    product = columns * (e * setting.weight)[None]
+    length = setting.batch.block * CLUSTER_BLOCKS
+    short = -product.shape[-1] % length
+    product = jnp.pad(product, ((0, 0), (0, 0), (0, short)))
+    return product.reshape(columns.shape[0], -1, length).sum(-1).T
+
+
+def sandwich(hessian: np.ndarray, gradients: np.ndarray) -> np.ndarray:
+    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, shape `(q, q)`."""
+    inverse = np.linalg.pinv(hessian, hermitian=True)
+    active = int(np.sum(np.any(gradients != 0.0, axis=1)))
+    return inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
+
+
+def estimates(
+    layout: tuple[Free, ...],
+    vector: Float[Array, " q"],
+    setting: Setting,
+    covariance: np.ndarray,
+    units: dict[str, str],
+) -> dict[str, Estimate]:
+    """Physical values with standard errors by the delta method; label -> `Estimate`.
+
+    A parameter whose standard error exceeds half its value (or which leans on the weak prior) is not identified.
+    """
+    count = len(layout)
+    values, jacobian = physical(layout, setting.drive, vector[:count], setting.start[:count])
+    spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
+    result = {}
+    for free, value, stderr in zip(layout, values, spread, strict=True):
+        positive = free.parameter.transform == "log"
+        identified = bool(np.isfinite(stderr)) and (not positive or stderr < 0.5 * abs(value))
+        unit = free.parameter.unit
+        for name, text in units.items():
+            unit = unit.replace("{" + name + "}", text)
+        result[free.label] = Estimate(float(value), float(stderr), unit, identified)
+    return result

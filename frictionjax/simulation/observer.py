@@ -1,0 +1,128 @@
+"""Prediction errors of a drive whose state is corrected by the measurement: a fixed-gain observer.
+
+One formula for stick and for sliding, for open and for closed loop: only the recorded input enters. With white
+measurement noise and the true model, the root mean square of the innovation is a constant of the method times the
+noise (`innovation_gain`), so that "nothing is missing" is an absolute statement.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Drive
+from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.ros2 import State, advance
+
+
+class Gains(eqx.Module):
+    """Gains of the observer with a double pole at p = exp(-2 pi bandwidth dt).
+
+    **Attributes:** `position` l1 = 1 - p^2 (1), `velocity` l2 = (1 - p)^2/dt (1/s). Scalars, or one per lane.
+    """
+
+    position: Float[Array, "..."]
+    velocity: Float[Array, "..."]
+
+
+def observer_gains(bandwidth: float | Float[Array, "..."], dt: float | Float[Array, "..."]) -> Gains:
+    """Gains for an observer of `bandwidth` Hz on samples of `dt` s."""
+    pole = jnp.exp(-2.0 * jnp.pi * jnp.asarray(bandwidth) * jnp.asarray(dt))
+    return Gains(1.0 - pole**2, (1.0 - pole) ** 2 / dt)
+
+
+def innovation_gain(bandwidth: float, dt: float) -> float:
+    """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
+
+    From the transfer function of noise to innovation, (1 - q)^2 / (1 - p q)^2 with q the unit delay.
+    """
+    p = float(np.exp(-2.0 * np.pi * bandwidth * dt))
+    frequency = np.linspace(0.0, np.pi, 20001)
+    q = np.exp(-1j * frequency)
+    power = np.abs((1.0 - q) ** 2 / (1.0 - p * q) ** 2) ** 2
+    return float(np.sqrt(np.trapezoid(power, frequency) / np.pi))
+
+
+class Observed(eqx.Module):
+    """What the observer saw, before each correction; shape `(n,)` (`z`: `(n, bristles)`).
+
+    **Attributes:** `innovation` x_measured - x_predicted, and the predicted `x`, `v`, `z`.
+    """
+
+    innovation: Float[Array, " n"]
+    x: Float[Array, " n"]
+    v: Float[Array, " n"]
+    z: Float[Array, "n bristles"]
+
+
+def _correct(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
+    # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not.
+    yield_deflection = slack * drive.friction.Fs / drive.friction.sigma0
+    stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
+    return State(
+        state.x + gains.position * innovation,
+        state.v + gains.velocity * innovation,
+        state.z + gains.position * innovation * stuck,
+    )
+
+
+def observe(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gains: Gains,
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    *,
+    substeps: int = 1,
+) -> Observed:
+    """Run the observer along one recording.
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `force`: motor force held over each sample, shape `(n,)` (`drive.applied_force(u, dt)`).
+    - `x`: measured position, shape `(n,)`.
+    - `dt`: s per sample.
+    - `gains`: from `observer_gains`.
+    - `start`: position, velocity and bristle deflection at the first sample.
+    - `substeps`: integration steps per sample.
+
+    **Returns:**
+
+    An `Observed`.
+    """
+    bristles = drive.bristles()
+
+    def sample(state, inputs):
+        push, measured = inputs
+        innovation = measured - state.x
+        corrected = _correct(drive, bristles.slack, state, innovation, gains)
+        following = advance(drive, bristles, corrected, push, dt, substeps)
+        return following, (innovation, state.x, state.v, state.z)
+
+    _, (innovation, x_predicted, v, z) = jax.lax.scan(sample, initial_state(drive, *start), (force, x))
+    return Observed(innovation, x_predicted, v, z)
+
+
+def innovations(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gains: Gains,
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    *,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """The innovations of `observe` alone, shape `(n,)`: what fits and tests are made of."""
+    bristles = drive.bristles()
+
+    def sample(state, inputs):
+        push, measured = inputs
+        innovation = measured - state.x
+        corrected = _correct(drive, bristles.slack, state, innovation, gains)
+        return advance(drive, bristles, corrected, push, dt, substeps), innovation
+
+    return jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1]

@@ -1,0 +1,85 @@
+"""One step of the production scheme: a two-stage Rosenbrock W-method, second order and L-stable.
+
+    (I - g h A) k1 = f(y),   (I - g h A) k2 = f(y + h k1) - 2 k1,   y+ = y + 3/2 h k1 + 1/2 h k2,   g = 1 - 1/sqrt(2)
+
+(Verwer, Spee, Blom, Hundsdorfer 1999). The order does not rest on A, so A holds only what is stiff: the bristles,
+their damping and the viscous force. A is an arrow (each bristle meets the others only through v) and is solved by
+elimination, whatever the number of bristles. |v| is never smoothed: at rest that would let the bristles creep.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Bristles, Drive
+
+_GAMMA = 1.0 - 0.5**0.5
+# A bristle never bends beyond G/sigma0. A step across a velocity reversal at a bristle rate far above the step rate can
+# throw it there for one step; what is beyond this many times Fs/sigma0 is cut before it becomes a blow to the mass.
+_BENT = 3.0
+
+
+class State(eqx.Module):
+    """State of a drive: position `x`, velocity `v`, bristle deflections `z` of shape `(n,)` (position units, s)."""
+
+    x: Float[Array, ""]
+    v: Float[Array, ""]
+    z: Float[Array, " n"]
+
+
+def ros2_step(
+    drive: Drive, bristles: Bristles, state: State, force: Float[Array, ""], h: Float[Array, ""]
+) -> State:
+    """Advance `state` by `h` s under the motor force `force`, held over the step."""
+    friction = drive.friction
+    gh = _GAMMA * h
+
+    def opposing(x, v, z):
+        return drive.friction_force(bristles, x, v, z)
+
+    x, v, z = state.x, state.v, state.z
+    friction_now, rate_now = opposing(x, v, z)
+    # A is taken at the larger speed of both ends of the step: at a velocity reversal the bristle rate, which grows with
+    # |v|, may rise within the step from nothing to far beyond 1/h, and a small A would not hold it.
+    ahead = v + h * (force - friction_now) / drive.J
+    fast = jnp.where(jnp.abs(ahead) > jnp.abs(v), ahead, v)
+    # Columns of A by forward differentiation: v moves everything, each z_j moves its own rate only.
+    _, (friction_v, rate_v) = jax.jvp(lambda speed: opposing(x, speed, z), (fast,), (jnp.ones_like(v),))
+    _, (_, rate_z) = jax.jvp(lambda deflection: opposing(x, fast, deflection), (z,), (jnp.ones_like(z),))
+    acceleration_z = -bristles.share * (friction.sigma0 + friction.sigma1 * rate_z) / drive.J
+    pivot_z = 1.0 / (1.0 - gh * rate_z)
+    arm = gh * acceleration_z * pivot_z
+    pivot_v = 1.0 / (1.0 + gh * friction_v / drive.J - jnp.sum(arm * gh * rate_v))
+
+    def solve(right_x, right_v, right_z):
+        k_v = (right_v + jnp.sum(arm * right_z)) * pivot_v
+        return right_x + gh * k_v, k_v, (right_z + gh * rate_v * k_v) * pivot_z
+
+    k1_x, k1_v, k1_z = solve(v, (force - friction_now) / drive.J, rate_now)
+    x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
+    friction_1, rate_1 = opposing(x1, v1, z1)
+    k2_x, k2_v, k2_z = solve(
+        v1 - 2.0 * k1_x, (force - friction_1) / drive.J - 2.0 * k1_v, rate_1 - 2.0 * k1_z
+    )
+    limit = _BENT * bristles.slack * friction.Fs / friction.sigma0
+    return State(
+        x + h * (1.5 * k1_x + 0.5 * k2_x),
+        v + h * (1.5 * k1_v + 0.5 * k2_v),
+        jnp.clip(z + h * (1.5 * k1_z + 0.5 * k2_z), -limit, limit),
+    )
+
+
+def advance(
+    drive: Drive,
+    bristles: Bristles,
+    state: State,
+    force: Float[Array, ""],
+    dt: Float[Array, ""],
+    substeps: int,
+) -> State:
+    """Advance by one sample of `dt` s in `substeps` equal steps."""
+    if substeps == 1:
+        return ros2_step(drive, bristles, state, force, dt)
+    h = dt / substeps
+    return jax.lax.fori_loop(0, substeps, lambda _, s: ros2_step(drive, bristles, s, force, h), state)
