@@ -2,3 +2,4 @@
 
 from frictionjax.report.page import write_report as write_report
 from frictionjax.report.terminal import summary_lines as summary_lines
+from frictionjax.report.terminal import truth_lines as truth_lines

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 
 COLUMNS = 700  # of an envelope: about one for each pixel of a panel
 
@@ -83,14 +83,19 @@ def limits(*series: Float[np.ndarray, " n"], margin: float = 0.06) -> tuple[floa
     return low - margin * span, high + margin * span
 
 
-def is_extended(recordings: tuple[RecordingFit, ...]) -> bool:
-    """Whether there is an extended model that differs from the base model anywhere.
+def is_extended(diagnosis: Diagnosis) -> bool:
+    """Whether there is an extended model, one that predicts anything other than the base model does.
 
     **Arguments:**
 
-    - `recordings`: all recordings of a diagnosis.
+    - `diagnosis`: an adequate one has no extended model, nor has an unknown one that nothing could be added to.
     """
-    return any(not np.array_equal(r.predicted_base, r.predicted_extended, equal_nan=True) for r in recordings)
+    if diagnosis.verdict == "adequate":
+        return False
+    return any(
+        not np.array_equal(recording.predicted_base, recording.predicted_extended, equal_nan=True)
+        for recording in diagnosis.recordings
+    )
 
 
 def holdout_first(recordings: tuple[RecordingFit, ...]) -> list[RecordingFit]:

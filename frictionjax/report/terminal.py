@@ -1,5 +1,8 @@
 """The verdict as lines for a terminal."""
 
+from typing import Any
+
+from frictionjax.core import Estimate
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.report.series import is_extended
 
@@ -19,7 +22,7 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
     held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
     if not held_out:
         return [*lines, "", "No recording was kept aside: nothing was verified on unseen data."]
-    extended = is_extended(diagnosis.recordings)
+    extended = is_extended(diagnosis)
     lines += [
         "",
         "Prediction error on recordings kept aside (rms, 0.1 s ahead), base"
@@ -36,3 +39,37 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
             f"  {recording.name:<{width}}  {change} {unit}  (noise floor {recording.noise_floor:.3g})"
         )
     return lines
+
+
+def truth_lines(truth: dict[str, Any], diagnosis: Diagnosis) -> list[str]:
+    """What a simulated machine really holds, next to what was found.
+
+    **Arguments:**
+
+    - `truth`: `missing` (effect names), `base` (parameter name to value, in the units of the case) and, under an
+        effect's name, its parameters.
+    - `diagnosis`: what `diagnose` found without it.
+
+    **Returns:**
+
+    Lines of three columns: what, truth, found.
+    """
+    found = ["/".join(effect.effect_class) or effect.effect for effect in diagnosis.missing]
+    rows = [("", "truth", "found")]
+    rows.append(("missing", ", ".join(truth["missing"]) or "nothing", ", ".join(found) or "nothing"))
+    for name, value in truth["base"].items():
+        rows.append((name, f"{value:.5g}", _found(diagnosis.extended.get(name))))
+    estimates = {effect.effect: effect.parameters for effect in diagnosis.missing}
+    for effect in truth["missing"]:
+        for name, value in truth.get(effect, {}).items():
+            rows.append((f"{effect} {name}", f"{value:.5g}", _found(estimates.get(effect, {}).get(name))))
+    widths = [max(len(row[column]) for row in rows) for column in range(2)]
+    return [f"  {what:<{widths[0]}}  {true:<{widths[1]}}  {seen}".rstrip() for what, true, seen in rows]
+
+
+def _found(estimate: Estimate | None) -> str:
+    if estimate is None:
+        return ""
+    if not estimate.identified:
+        return f"{estimate.value:.5g} (not determined)"
+    return f"{estimate.value:.5g} +- {estimate.stderr:.2g} {estimate.unit}"

@@ -13,25 +13,26 @@ from frictionjax.report.series import holdout_first, is_extended
 
 _INTRO = (
     "Solid: predicted 0.1 s ahead from what was measured until then. Dashed: free run from the first sample and the "
-    "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where the models differ most."
+    "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where "
 )
 
 
 class Comparison(AbstractSection):
     """A table of errors, then for each recording the whole of it and a close-up."""
 
-    title: ClassVar[str] = "Measured against both models"
+    title: ClassVar[str] = "Measured and modelled"
 
     def body(self, diagnosis: Diagnosis) -> str:
         recordings = holdout_first(diagnosis.recordings)
         if not recordings:
             return ""
-        extended = is_extended(diagnosis.recordings)
+        extended = is_extended(diagnosis)
         rows = [_row(recording, diagnosis.plant, extended) for recording in recordings]
         head = ("recording", "role", "noise floor", "prediction error", "free-run error")
         pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
+        closer = "the extension mends most" if extended else "the model fits worst"
         key = legend(extended, ("measured", "measured"))
-        return f"{table(head, rows)}<p>{_INTRO}</p>{key}{pictures}"
+        return f"{table(head, rows)}<p>{_INTRO}{closer}.</p>{key}{pictures}"
 
 
 def _row(recording: RecordingFit, plant: Plant, extended: bool) -> tuple[str, ...]:

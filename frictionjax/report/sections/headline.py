@@ -31,7 +31,7 @@ class Headline(AbstractSection):
         facts = [f"case {diagnosis.case}", f"{fitted} recordings to fit, {len(held_out)} kept aside"]
         if "total" in diagnosis.seconds:
             facts.append(f"{number(diagnosis.seconds['total'])} s of computing")
-        extended = is_extended(diagnosis.recordings)
+        extended = is_extended(diagnosis)
         cards = "".join(_card(recording, diagnosis, extended) for recording in held_out)
         if not cards:
             cards = '<p class="note">No recording was kept aside, so nothing here was verified on unseen data.</p>'

@@ -19,7 +19,7 @@ class Parameters(AbstractSection):
     def body(self, diagnosis: Diagnosis) -> str:
         if not diagnosis.base and not diagnosis.extended:
             return ""
-        extended = is_extended(diagnosis.recordings) or diagnosis.extended != diagnosis.base
+        extended = is_extended(diagnosis) or diagnosis.extended != diagnosis.base
         names = [*diagnosis.base, *(name for name in diagnosis.extended if name not in diagnosis.base)]
         rows = [
             _row(name, diagnosis.base.get(name), diagnosis.extended.get(name), extended) for name in names

@@ -18,12 +18,12 @@ _INTRO = (
 class Residual(AbstractSection):
     """For each recording the residual force over its band, the whole of it and the same close-up as above."""
 
-    title: ClassVar[str] = "Residual force, before and after"
+    title: ClassVar[str] = "Residual force"
 
     def body(self, diagnosis: Diagnosis) -> str:
         recordings = holdout_first(diagnosis.recordings)
         if not recordings:
             return ""
-        extended = is_extended(diagnosis.recordings)
+        extended = is_extended(diagnosis)
         pictures = panels(recordings, diagnosis.plant, extended, figures.residual)
         return f"<p>{_INTRO}</p>{legend(extended, ('band', '± 2 standard deviations'))}{pictures}"

@@ -1,0 +1,57 @@
+"""The public names, and the one place where packages that may not know each other are put together."""
+
+from frictionjax import excitation as excitation
+from frictionjax.core import Estimate as Estimate
+from frictionjax.core import FrictionjaxWarning as FrictionjaxWarning
+from frictionjax.core import InputError as InputError
+from frictionjax.core import PrecisionError as PrecisionError
+from frictionjax.diagnosis import Diagnosis as Diagnosis
+from frictionjax.diagnosis import diagnose as diagnose
+from frictionjax.diagnosis.output import register_writer
+from frictionjax.estimation import FitResult as FitResult
+from frictionjax.estimation import fit as fit
+from frictionjax.frequency import FRF as FRF
+from frictionjax.frequency import estimate_frf as estimate_frf
+from frictionjax.frequency import fit_sk as fit_sk
+from frictionjax.physics import Drive as Drive
+from frictionjax.physics import LuGre as LuGre
+from frictionjax.physics import catalogue as catalogue
+from frictionjax.physics import linearize as linearize
+from frictionjax.recordings import Case as Case
+from frictionjax.recordings import Plant as Plant
+from frictionjax.recordings import Recording as Recording
+from frictionjax.recordings import audit as audit
+from frictionjax.recordings import case_from_files as case_from_files
+from frictionjax.recordings import load_case as load_case
+from frictionjax.report import write_report
+from frictionjax.simulation import Trajectory as Trajectory
+from frictionjax.simulation import simulate as simulate
+
+__all__ = [
+    "FRF",
+    "Case",
+    "Diagnosis",
+    "Drive",
+    "Estimate",
+    "FitResult",
+    "FrictionjaxWarning",
+    "InputError",
+    "LuGre",
+    "Plant",
+    "PrecisionError",
+    "Recording",
+    "Trajectory",
+    "audit",
+    "case_from_files",
+    "catalogue",
+    "diagnose",
+    "estimate_frf",
+    "excitation",
+    "fit",
+    "fit_sk",
+    "linearize",
+    "load_case",
+    "simulate",
+]
+
+register_writer(write_report)

@@ -1,0 +1,254 @@
+"""The program: the public verbs on files, their progress on stderr, their verdict on stdout. No maths here."""
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from frictionjax import __version__
+
+if TYPE_CHECKING:
+    from frictionjax.core import Progress
+    from frictionjax.diagnosis import Diagnosis
+    from frictionjax.recordings import Case
+
+# Imports of the package stand inside functions in this one file: JAX takes more than a second to load, and
+# `--help`, `--version` and a mistyped option must answer at once.
+
+_BARE_OPTIONS = ("motor_constant", "sample_rate", "position_unit", "force_unit", "input_unit")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program.
+
+    **Arguments:**
+
+    - `argv`: the arguments after the program's name; those of the process when absent.
+
+    **Returns:**
+
+    The exit status: 0 whatever the verdict, 2 for bad input (one line on stderr), 130 when interrupted.
+    Errors in the options themselves end the process with status 2.
+    """
+    arguments = _parser().parse_args(argv)
+    terminal = _Terminal()
+    try:
+        return _run(arguments, terminal)
+    except KeyboardInterrupt:
+        terminal.close()
+        terminal.line("frictionjax: interrupted")
+        return 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"frictionjax: error: {message}. See `{self.prog} --help`.\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="frictionjax",
+        description="Friction identification: where a machine differs from its model, which physics is missing, "
+        "and whether that holds on recordings kept aside.",
+    )
+    parser.add_argument("--version", action="version", version=f"frictionjax {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    diagnose = commands.add_parser(
+        "diagnose",
+        help="name what is missing in the model of a recorded machine",
+        description="Diagnose one case: a case file, or bare recordings with the options below.",
+    )
+    diagnose.add_argument(
+        "inputs", nargs="+", metavar="FILE", help="one case file (.toml), or the recordings to fit"
+    )
+    diagnose.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
+    )
+    bare = diagnose.add_argument_group("for bare recordings (a case file says these itself)")
+    bare.add_argument(
+        "--holdout",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="RECORDING",
+        help="recordings kept aside to judge the result",
+    )
+    bare.add_argument(
+        "--motor-constant", type=float, metavar="KM", help="force or torque per input unit, when known"
+    )
+    bare.add_argument("--sample-rate", type=float, metavar="HZ", help="needed when files have no time column")
+    for quantity in ("position", "force", "input"):
+        bare.add_argument(f"--{quantity}-unit", metavar="UNIT", help=f"unit of {quantity}, as text")
+
+    demo = commands.add_parser(
+        "demo",
+        help="a simulated machine with a secret, diagnosed, then the secret",
+        description="Write a case of a simulated machine, diagnose it, and open its sealed truth next to the verdict.",
+    )
+    demo.add_argument(
+        "--out",
+        type=Path,
+        default=Path("frictionjax-demo"),
+        metavar="DIR",
+        help="where the result and DIR/case go (default: %(default)s)",
+    )
+    demo.add_argument("--seed", type=int, metavar="N", help="draws another machine and other noise")
+    return parser
+
+
+def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
+    # float64 is the program's choice to make, and it must be made before JAX computes anything.
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+
+    from frictionjax.core import FrictionjaxWarning, InputError
+
+    command = _demo if arguments.command == "demo" else _diagnose
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FrictionjaxWarning)
+        warnings.showwarning = terminal.show(FrictionjaxWarning, warnings.showwarning)
+        try:
+            command(arguments, terminal)
+        except InputError as error:
+            terminal.line(f"frictionjax: error: {' '.join(str(error).split())}")
+            return 2
+        finally:
+            terminal.close()
+    return 0
+
+
+def _diagnose(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
+    from frictionjax.diagnosis.output import check_writable
+
+    check_writable(arguments.out)
+    _finish(_case(arguments), arguments.out, terminal, start=0.0)
+
+
+def _case(arguments: argparse.Namespace) -> "Case":
+    from frictionjax.core import InputError
+    from frictionjax.recordings import case_from_files, load_case
+
+    first, *others = arguments.inputs
+    case_files = [name for name in arguments.inputs if Path(name).suffix.lower() == ".toml"]
+    options = {name: getattr(arguments, name) for name in _BARE_OPTIONS}
+    if not case_files:
+        return case_from_files(arguments.inputs, arguments.holdout, **options)
+    if others or arguments.holdout:
+        problem = "a case file names its own recordings, so it stands alone"
+        raise InputError(problem, file=case_files[0], cure="Give one case file, or bare recordings only")
+    for name, value in options.items():
+        if value is not None:
+            problem = f"`--{name.replace('_', '-')}` is for bare recordings"
+            cure = f"Write {name} into the case file"
+            raise InputError(problem, file=first, cure=cure)
+    return load_case(first)
+
+
+def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
+    from frictionjax.demo import write_demo_case
+    from frictionjax.diagnosis.output import check_writable
+    from frictionjax.recordings import load_case
+    from frictionjax.report import truth_lines
+
+    check_writable(arguments.out)
+    seed = {} if arguments.seed is None else {"seed": arguments.seed}
+    part = 0.1  # writing the case takes about a tenth of the time
+    file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
+    diagnosis = _finish(load_case(file), arguments.out, terminal, start=part)
+    truth = file.parent / "sealed" / "truth.json"
+    _say(["", f"Sealed until now ({truth}):"])
+    _say(truth_lines(json.loads(truth.read_text(encoding="utf-8")), diagnosis))
+
+
+def _finish(case: "Case", out: Path, terminal: "_Terminal", *, start: float) -> "Diagnosis":
+    """Diagnose, save, tell: the last part of both commands."""
+    from frictionjax.api import diagnose  # the composed one: its result knows how to write report.html
+    from frictionjax.report import summary_lines
+
+    diagnosis = diagnose(case, progress=terminal.part(start, 1.0))
+    terminal.progress("writing the report", 1.0)
+    diagnosis.save(out)
+    terminal.close()
+    for warning in diagnosis.warnings:
+        terminal.warn(warning)
+    _say(summary_lines(diagnosis))
+    _say(["", "Written:", *(f"  {out / name}" for name in ("report.html", "verdict.json", "fit"))])
+    return diagnosis
+
+
+class _Terminal:
+    """stderr as the user sees it: a bar when it is a terminal, else a line a stage; each warning once."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._stage = ""
+        self._warned: set[str] = set()
+
+    def progress(self, stage: str, fraction: float) -> None:
+        """A `frictionjax.core.Progress`: shows the stage and how much of the whole is done."""
+        if sys.stderr.isatty():
+            if self._bar is None:
+                from tqdm import tqdm
+
+                form = "{percentage:3.0f} % |{bar:24}| {elapsed}  {desc}"
+                self._bar = tqdm(total=1.0, bar_format=form, file=sys.stderr, leave=False)
+            self._bar.n = max(self._bar.n, min(fraction, 1.0))
+            self._bar.set_description_str(stage)
+        elif stage != self._stage:
+            self.line(f"{stage} ...")
+        self._stage = stage
+
+    def part(self, start: float, stop: float) -> "Progress":
+        """The `Progress` of a step that takes the whole from `start` to `stop`."""
+        return lambda stage, fraction: self.progress(stage, start + (stop - start) * fraction)
+
+    def warn(self, text: str) -> None:
+        """One line for each different warning."""
+        text = " ".join(text.split())
+        if text not in self._warned:
+            self._warned.add(text)
+            self.line(f"warning: {text}")
+
+    def show(self, ours: type[Warning], otherwise: Callable[..., None]) -> Callable[..., None]:
+        """A `warnings.showwarning` that tells the package's own warnings in its own way."""
+
+        def showwarning(message: Warning | str, category: type[Warning], *place: Any) -> None:
+            if issubclass(category, ours):
+                self.warn(str(message))
+            else:
+                otherwise(message, category, *place)
+
+        return showwarning
+
+    def line(self, text: str) -> None:
+        """A line on stderr; a bar makes room for it."""
+        if self._bar is not None:
+            self._bar.clear()
+        _write(sys.stderr, text)
+        if self._bar is not None:
+            self._bar.refresh()
+
+    def close(self) -> None:
+        """The bar, if any, goes away."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+def _say(lines: Iterable[str]) -> None:
+    for text in lines:
+        _write(sys.stdout, text)
+
+
+def _write(stream: Any, text: str) -> None:
+    # A terminal without µ or σ must not bring down a result that took minutes.
+    encoding = stream.encoding or "utf-8"
+    stream.write(text.encode(encoding, errors="replace").decode(encoding) + "\n")
+    stream.flush()

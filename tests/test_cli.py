@@ -1,0 +1,258 @@
+"""The program from outside: what it prints, where, and the status with which it ends."""
+
+import json
+import subprocess
+import sys
+import types
+import warnings
+from dataclasses import replace
+
+import pytest
+from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis
+
+from frictionjax.cli import main
+from frictionjax.core import FrictionjaxWarning
+
+CASE = """
+name = "bench"
+
+[[recording]]
+file = "run.csv"
+role = "fit"
+"""
+
+
+@pytest.fixture
+def api(monkeypatch):
+    """Stands in for `frictionjax.api`: the program's own work, without minutes of fitting."""
+    calls = {}
+
+    def diagnose(case, *, progress):
+        calls["case"] = case
+        progress("fitting the base model", 0.2)
+        progress("fitting the base model", 0.3)
+        warnings.warn(
+            "noise_small: resampled,\n  0.3 % of the stamps are jittered.", FrictionjaxWarning, stacklevel=2
+        )
+        progress("naming what is missing", 0.9)
+        return calls["diagnosis"]
+
+    def load_case(path):
+        return f"case of {path}"
+
+    def case_from_files(files, holdout, **options):
+        calls["bare"] = (files, holdout, options)
+        return "bare case"
+
+    stub = types.ModuleType("frictionjax.api")
+    vars(stub).update(diagnose=diagnose)
+    monkeypatch.setitem(sys.modules, "frictionjax.api", stub)
+    monkeypatch.setattr("frictionjax.recordings.load_case", load_case)
+    monkeypatch.setattr("frictionjax.recordings.case_from_files", case_from_files)
+    calls["diagnosis"] = fake_diagnosis(n=500)
+    calls["stub"] = stub
+    return calls
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess:
+    """The program as a process of its own."""
+    command = [sys.executable, "-m", "frictionjax", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def only_line(text: str) -> str:
+    (line,) = text.splitlines()
+    assert line.startswith("frictionjax: error: ")
+    return line
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_an_answer_about_the_program_does_not_wait_for_jax(option):
+    code = f"""
+import sys
+from frictionjax.cli import main
+try:
+    main([{option!r}])
+except SystemExit as stop:
+    assert not stop.code
+assert not {{"jax", "numpy", "matplotlib"}} & set(sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "frictionjax" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "command"),
+        (["diagnose"], "FILE"),
+        (["diagnose", "case.toml"], "--out"),
+        (["diagnose", "case.toml", "--out", "out", "--frobnicate"], "--frobnicate"),
+        (["diagnose", "run.csv", "--motor-constant", "big", "--out", "out"], "invalid float value: 'big'"),
+        (["explain"], "explain"),
+    ],
+)
+def test_options_that_make_no_sense_are_one_line(arguments, words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert words in only_line(capsys.readouterr().err)
+
+
+def test_no_arguments_as_a_process():
+    done = run()
+    assert done.returncode == 2
+    assert done.stdout == ""
+    only_line(done.stderr)
+
+
+def test_the_verdict_is_told_and_the_files_are_written(api, tmp_path, capsys):
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr()
+    assert api["case"] == "case of case.toml"
+    assert told.out.startswith(SUMMARY + "\n")
+    (change,) = [line for line in told.out.splitlines() if line.startswith("  holdout_stick")]
+    assert " -> " in change
+    assert "rad" in change
+    for name in ("report.html", "verdict.json", "fit"):
+        assert str(tmp_path / "out" / name) in told.out
+    assert json.loads((tmp_path / "out" / "verdict.json").read_text(encoding="utf-8"))["verdict"] == "named"
+
+
+def test_progress_is_a_line_a_stage_and_a_warning_is_one_line(api, tmp_path, capsys):
+    line = "noise_small: resampled, 0.3 % of the stamps are jittered."
+    api["diagnosis"] = replace(api["diagnosis"], warnings=(line, "holdout_stick: clipped."))
+    main(["diagnose", "case.toml", "--out", str(tmp_path)])
+    assert capsys.readouterr().err.splitlines() == [
+        "fitting the base model ...",
+        f"warning: {line}",
+        "naming what is missing ...",
+        "writing the report ...",
+        "warning: holdout_stick: clipped.",
+    ]
+
+
+def test_progress_is_a_bar_on_a_terminal(api, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    main(["diagnose", "case.toml", "--out", str(tmp_path)])
+    told = capsys.readouterr().err
+    assert "20 %" in told
+    assert "naming what is missing" in told
+    assert "\nwarning: noise_small" in told.replace("\r", "\n")
+
+
+def test_the_status_is_zero_whatever_the_verdict(api, tmp_path, capsys):
+    api["diagnosis"] = adequate_diagnosis()
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "No recording was kept aside" in told
+    assert "->" not in told
+
+
+def test_bare_recordings(api, tmp_path):
+    arguments = ["run1.csv", "run2.csv", "--holdout", "run3.csv", "run4.csv", "--motor-constant", "16"]
+    assert main(["diagnose", *arguments, "--sample-rate", "2e3", "--out", str(tmp_path)]) == 0
+    files, holdout, options = api["bare"]
+    assert (files, holdout) == (["run1.csv", "run2.csv"], ["run3.csv", "run4.csv"])
+    assert (options["motor_constant"], options["sample_rate"]) == (16.0, 2000.0)
+    assert api["case"] == "bare case"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["case.toml", "run.csv"], "case.toml: a case file names its own recordings"),
+        (["case.toml", "--holdout", "run.csv"], "case.toml: a case file names its own recordings"),
+        (["case.toml", "--motor-constant", "16"], "`--motor-constant` is for bare recordings"),
+    ],
+)
+def test_a_case_file_stands_alone(api, tmp_path, capsys, arguments, words):
+    assert main(["diagnose", *arguments, "--out", str(tmp_path / "out")]) == 2
+    assert words in only_line(capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unwritable_directory_is_found_before_the_work(api, tmp_path, capsys):
+    (tmp_path / "out").write_text("mine")
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 2
+    assert "is a file" in only_line(capsys.readouterr().err)
+    assert "case" not in api
+
+
+def test_an_interrupt_is_a_line_and_status_130(api, tmp_path, capsys):
+    def diagnose(case, *, progress):
+        raise KeyboardInterrupt
+
+    api["stub"].diagnose = diagnose
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err == "frictionjax: interrupted\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_terminal_that_lacks_a_letter_gets_a_question_mark(api, tmp_path, monkeypatch):
+    class Ascii:
+        encoding = "ascii"
+        text = ""
+
+        def write(self, text):
+            text.encode("ascii")
+            self.text += text
+
+        def flush(self): ...
+
+    api["diagnosis"] = replace(api["diagnosis"], summary="Above 20 µm.")
+    monkeypatch.setattr(sys, "stdout", Ascii())
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 0
+    assert sys.stdout.text.startswith("Above 20 ?m.\n")
+
+
+def test_the_demo_opens_its_seal_at_the_end(api, tmp_path, capsys, monkeypatch):
+    truth = {
+        "seed": 1,
+        "missing": ["maxwell_slip"],
+        "base": {"sigma0": 1810.0},
+        "maxwell_slip": {"share": 0.4},
+    }
+
+    def write_demo_case(directory, *, seed=2002, progress):
+        progress("running the demo's experiments", 0.5)
+        (directory / "sealed").mkdir(parents=True)
+        (directory / "sealed" / "truth.json").write_text(json.dumps(truth | {"seed": seed}))
+        return directory / "case.toml"
+
+    monkeypatch.setattr("frictionjax.demo.write_demo_case", write_demo_case)
+    assert main(["demo", "--out", str(tmp_path), "--seed", "7"]) == 0
+    told = capsys.readouterr().out
+    assert api["case"] == f"case of {tmp_path / 'case' / 'case.toml'}"
+    assert json.loads((tmp_path / "case" / "sealed" / "truth.json").read_text())["seed"] == 7
+    sealed = told[told.index("Sealed until now") :].split("\n", 1)[1]
+    assert [line.split() for line in sealed.splitlines()] == [
+        ["truth", "found"],
+        ["missing", "maxwell_slip", "maxwell_slip/elasto_plastic"],
+        ["sigma0", "1810", "1814", "+-", "1.9", "N*m/rad"],
+        ["maxwell_slip", "share", "0.4", "0.42", "+-", "0.01", "1"],
+    ]
+
+
+def test_a_missing_case_file(tmp_path, capsys):
+    assert main(["diagnose", str(tmp_path / "no.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert "no.toml" in only_line(capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_recording_as_a_process(tmp_path):
+    files = [str(tmp_path / "no.csv"), "--holdout", str(tmp_path / "neither.csv")]
+    done = run("diagnose", *files, "--motor-constant", "16", "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert "no.csv" in only_line(done.stderr)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_typo_in_a_key(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(CASE.replace("role", "rolle"))
+    assert main(["diagnose", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 2
+    line = only_line(capsys.readouterr().err)
+    assert "case.toml" in line
+    assert "rolle" in line
+    assert not (tmp_path / "out").exists()
