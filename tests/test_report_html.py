@@ -151,6 +151,8 @@ def test_unexplained_physics_is_said():
     body = Missing().body(replace(fake_diagnosis(), unexplained=unexplained))
     assert "43 %" in body
     assert "one spot of the stroke" in body
+    page = Page(render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained)))
+    assert "without a physical form" in page.visible
 
 
 def test_candidates_are_sorted_and_say_why():

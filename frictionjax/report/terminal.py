@@ -23,12 +23,8 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
     if not held_out:
         return [*lines, "", "No recording was kept aside: nothing was verified on unseen data."]
     extended = is_extended(diagnosis)
-    lines += [
-        "",
-        "Prediction error on recordings kept aside (rms, 0.1 s ahead), base"
-        + " -> extended" * extended
-        + ":",
-    ]
+    models = "base -> extended model" if extended else "base model"
+    lines += ["", f"Prediction error on recordings kept aside (rms, 0.1 s ahead), {models}:"]
     width = max(len(recording.name) for recording in held_out)
     for recording in held_out:
         unit = diagnosis.plant.force_unit if recording.drive == "motion" else diagnosis.plant.position_unit
@@ -72,4 +68,5 @@ def _found(estimate: Estimate | None) -> str:
         return ""
     if not estimate.identified:
         return f"{estimate.value:.5g} (not determined)"
-    return f"{estimate.value:.5g} +- {estimate.stderr:.2g} {estimate.unit}"
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    return f"{estimate.value:.5g} +- {estimate.stderr:.2g}{unit}"

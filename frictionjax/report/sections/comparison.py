@@ -15,6 +15,10 @@ _INTRO = (
     "Solid: predicted 0.1 s ahead from what was measured until then. Dashed: free run from the first sample and the "
     "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where "
 )
+_NONPARAMETRIC = (
+    "Here the extended model holds a force that was fitted to the data without a physical form: it shows what is "
+    "missing, it does not say why"
+)
 
 
 class Comparison(AbstractSection):
@@ -31,6 +35,8 @@ class Comparison(AbstractSection):
         head = ("recording", "role", "noise floor", "prediction error", "free-run error")
         pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
         closer = "the extension mends most" if extended else "the model fits worst"
+        if extended and diagnosis.verdict == "unknown":
+            closer += ". " + _NONPARAMETRIC
         key = legend(extended, ("measured", "measured"))
         return f"{table(head, rows)}<p>{_INTRO}{closer}.</p>{key}{pictures}"
 

@@ -28,7 +28,10 @@ class Headline(AbstractSection):
         lead = f'<p class="lead">{text(rest[0])}</p>' if rest else ""
         held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
         fitted = len(diagnosis.recordings) - len(held_out)
-        facts = [f"case {diagnosis.case}", f"{fitted} recordings to fit, {len(held_out)} kept aside"]
+        facts = [
+            f"case {diagnosis.case}",
+            f"{fitted} recording{'s' * (fitted != 1)} to fit, {len(held_out)} kept aside",
+        ]
         if "total" in diagnosis.seconds:
             facts.append(f"{number(diagnosis.seconds['total'])} s of computing")
         extended = is_extended(diagnosis)

@@ -17,7 +17,7 @@ class Missing(AbstractSection):
         cards = "".join(_card(found) for found in diagnosis.missing)
         unexplained = diagnosis.unexplained
         if unexplained.present:
-            where = f", {unexplained.where}" if unexplained.where else ""
+            where = f" ({unexplained.where})" if unexplained.where else ""
             cards += (
                 '<div class="card"><p class="name">Unexplained</p><p>No effect of the catalogue explains '
                 f"{text(percent(unexplained.share))} of the mismatch{text(where)}.</p></div>"
