@@ -28,10 +28,8 @@ class Headline(AbstractSection):
         lead = f'<p class="lead">{text(rest[0])}</p>' if rest else ""
         held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
         fitted = len(diagnosis.recordings) - len(held_out)
-        facts = [
-            f"case {diagnosis.case}",
-            f"{fitted} recording{'s' * (fitted != 1)} to fit, {len(held_out)} kept aside",
-        ]
+        plural = "s" * (fitted != 1)
+        facts = [f"case {diagnosis.case}", f"{fitted} recording{plural} to fit, {len(held_out)} kept aside"]
         if "total" in diagnosis.seconds:
             facts.append(f"{number(diagnosis.seconds['total'])} s of computing")
         extended = is_extended(diagnosis)
