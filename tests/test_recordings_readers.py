@@ -173,7 +173,12 @@ def test_stems_and_suffixes(tmp_path):
 VALUES = st.floats(min_value=-1e99, max_value=1e99, allow_nan=False, allow_infinity=False)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(
     rows=st.lists(st.tuples(VALUES, VALUES, VALUES), min_size=2, max_size=40),
     separator=st.sampled_from([",", ";", "\t", " ", ", "]),
@@ -187,7 +192,12 @@ def test_any_numbers_survive_the_round_trip(tmp_path, rows, separator, end, head
     np.testing.assert_array_equal(np.transpose(read(path)), rows)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=150,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(
     data=st.one_of(
         st.binary(max_size=300),

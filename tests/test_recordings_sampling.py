@@ -13,6 +13,11 @@ TABLE = MatTable(Path("run.mat"), ("t",), {}, {})
 RNG = np.random.default_rng(7)
 
 
+@pytest.fixture(autouse=True)
+def same_noise_in_every_order():
+    RNG.bit_generator.state = np.random.default_rng(7).bit_generator.state
+
+
 def grid(stamps):
     return find_grid(np.asarray(stamps, dtype=float), TABLE, "t")
 
@@ -52,7 +57,9 @@ def test_jitter_is_measured_and_resampled(size):
     np.testing.assert_allclose(found.sample_rate, 1000.0, rtol=1e-4)
     assert found.uniform is not None and found.uniform.size == 4000
     x = np.sin(2.0 * np.pi * 5.0 * t)
-    np.testing.assert_allclose(found.follow(x)[1:], np.sin(2.0 * np.pi * 5.0 * found.uniform)[1:], atol=1e-3)
+    np.testing.assert_allclose(
+        found.follow(x)[1:-1], np.sin(2.0 * np.pi * 5.0 * found.uniform)[1:-1], atol=1e-3
+    )
 
 
 def test_an_input_of_two_levels_keeps_its_levels_and_its_timing():

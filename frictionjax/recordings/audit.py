@@ -36,7 +36,8 @@ class Audit(eqx.Module):
     - `noise_std`: standard deviation of the white noise of x, quantisation included, position units.
     - `encoder_step`: quantum of x as the data show it, position units; None when x lies on no grid.
     - `declared_step`: the plant's encoder step, position units; None when it is unknown.
-    - `on_declared_grid`: part of the differences of x that are whole declared steps; None when it is unknown.
+    - `on_declared_grid`: part of the differences of x that are whole declared steps; NaN when x cannot tell, None when
+      no step is declared.
     - `processing`: `"held"`, `"interpolated"`, `"smooth"` or `""`: traces of earlier processing of x.
     - `regimes`: rest, presliding and sliding.
     - `position_unit`: for the sentences.
@@ -128,7 +129,7 @@ class Audit(eqx.Module):
         if declared is None or self.on_declared_grid is None:
             return []
         if found is None:
-            if self.on_declared_grid > 0.9:
+            if not self.on_declared_grid <= 0.9:
                 return []
             return [
                 f"x does not lie on the grid of the encoder step ({declared:.4g} {unit}): it was processed after "

@@ -18,6 +18,7 @@ MIN_SAMPLES = 100
 _OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply")
 # The rate written in the case and the one in the time stamps may differ by a clock's error, not by more.
 _RATE_TOLERANCE = 1e-3
+_SLOWEST, _FASTEST = 1e-3, 1e9  # Hz
 # No measurement is larger; sums of squares stay finite below.
 _LARGEST = 1e100
 
@@ -56,8 +57,15 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
         grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), first)
         rate = _agreed_rate(grid, entry, file)
     else:
-        rate = 1.0 / step
+        rate = entry.sample_rate or 1.0 / step
         grid = Grid(rate, Sampling(), stamps[first:last], None)
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise InputError(
+            f"the sample rate is {rate:.3g} Hz",
+            file=file,
+            place=entry.spot.at(),
+            cure="Correct sample_rate, or bring the time column to s (scale = {t = 1e-3} for ms)",
+        )
     _require_motion(entry, used, file)
     x = np.ascontiguousarray(grid.follow(used["x"]))
     optional = {
@@ -103,6 +111,14 @@ def _read_columns(
         if not table.has(names[role]):
             raise _no_column(role, names[role], entry, table)
     names = {role: name for role, name in names.items() if table.has(name)}
+    owners: dict[str, str] = {}
+    for role, name in names.items():
+        if owners.setdefault(name, role) != role:
+            entry.spot.fail(
+                f"the column `{shown(name)}` is to be both {owners[name]} and {role}",
+                f"columns.{role if role in entry.columns else owners[name]}",
+                f"Name a column for each; the file has: {listed(table.names)}",
+            )
     for role in entry.scale:
         if role not in names:
             entry.spot.fail(
@@ -156,7 +172,8 @@ def _time(
             "the file has no time column `t`, and no sample_rate is given",
             file=file,
             place=entry.spot.at(),
-            cure='Add sample_rate = 2000.0 (samples per second), or say which column is time: columns = {t = "..."}',
+            cure="Add sample_rate = 2000.0 (samples per second), or say which column is time: "
+            f'columns = {{t = "..."}}; the file has: {listed(table.names)}',
         )
     return np.arange(columns["x"].size) / entry.sample_rate, 1.0 / entry.sample_rate
 
@@ -188,8 +205,7 @@ def _require_finite(values: Float[np.ndarray, " _"], table: AbstractTable, colum
             + (f" (and {wrong.size - 1} more like it)" if wrong.size > 1 else ""),
             file=shown(table.path, 200),
             place=f"{table.place(first + k)}, column `{shown(column)}`",
-            cure="Delete such lines (the gap is then filled, with a warning), or use the part without them "
-            "(interval)",
+            cure="Correct the value, use a part without it (interval), or, with a time column, delete the line",
         )
 
 

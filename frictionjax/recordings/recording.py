@@ -79,7 +79,7 @@ class Recording(eqx.Module):
     normal_force: Float[np.ndarray, " n"] | None = None
     supply: Float[np.ndarray, " n"] | None = None
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
-    sampling: Sampling = eqx.field(static=True, default=Sampling())
+    sampling: Sampling = Sampling()
 
     @property
     def t(self) -> Float[np.ndarray, " n"]:

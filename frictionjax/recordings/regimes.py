@@ -67,7 +67,7 @@ def find_regimes(
 
     **Returns:** the `Regimes`.
     """
-    block = max(4, round(_BLOCK * sample_rate))
+    block = min(max(4, round(_BLOCK * sample_rate)), max(1, x.size))
     count = x.size // block
     still = np.ptp(x[: count * block].reshape(count, block), axis=1) <= 6.0 * resolution
     rests = [run for run in _runs(still) if (run[1] - run[0]) * block >= REST_TIME * sample_rate]
@@ -123,11 +123,14 @@ def turning_points(x: Float[np.ndarray, " n"], height: float) -> Int[np.ndarray,
         if values[k] < values[bottom]:
             bottom = k
         if direction >= 0 and values[top] - values[k] > height:
-            turns.append(top)
-            top, bottom, direction = k, k, -1
+            turn, direction = top, -1
         elif direction <= 0 and values[k] - values[bottom] > height:
-            turns.append(bottom)
-            top, bottom, direction = k, k, 1
+            turn, direction = bottom, 1
+        else:
+            continue
+        top, bottom = k, k
+        if len(turns) > 1 or abs(values[turn] - values[0]) > height:  # the first direction is no turn
+            turns.append(turn)
     return np.unique([*turns, x.size - 1])
 
 
@@ -182,6 +185,8 @@ def _at_level(
 def _velocity(x: Float[np.ndarray, " n"], sample_rate: float) -> Float[np.ndarray, " n"]:
     """Central difference over about 4 ms, position units per s."""
     half = min(max(1, round(2e-3 * sample_rate)), (x.size - 1) // 2)
+    if half < 1:
+        return np.zeros_like(x)
     inner = (x[2 * half :] - x[: -2 * half]) * (sample_rate / (2 * half))
     return np.pad(inner, half, mode="edge")
 

@@ -1,6 +1,5 @@
 """The keys of a case file: which there are, what they hold, and the sentence for one that is wrong."""
 
-import math
 from collections.abc import Iterable
 from typing import Any, Literal, NoReturn
 
@@ -24,6 +23,9 @@ RECORDING_KEYS = (
     "scale",
     "interval",
 )
+
+# No physical quantity in any unit is larger, nor smaller than its inverse.
+_LARGEST = 1e60
 
 
 class Spot(eqx.Module):
@@ -152,8 +154,11 @@ def number(table: dict[str, Any], key: str, spot: Spot, prefix: str = "") -> flo
         spot.fail(
             f"a number is needed, not {_kind(value)}", prefix + key, f"Write {key} = 1.0, without quotes"
         )
-    if abs(value) > 1e300 or not math.isfinite(value):  # in this order: a huge integer is no float
-        spot.fail(f"{shown(value, 20)} is not a finite number", prefix + key, "Give a finite number")
+    if abs(value) > _LARGEST or value != value:  # an integer too large for a float is caught here, too
+        fault = "out of range" if abs(value) < float("inf") else "not a finite number"
+        spot.fail(f"{shown(value, 20)} is {fault}", prefix + key, "Give a finite number of usual size")
+    if 0 < abs(value) < 1 / _LARGEST:
+        spot.fail(f"{value:g} is next to nothing", prefix + key, "Check the exponent")
     return float(value)
 
 

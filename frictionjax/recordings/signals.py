@@ -51,12 +51,12 @@ def on_grid(x: Float[np.ndarray, " n"], step: float) -> float:
     """Part of the successive differences of `x` that are a whole number of `step`, to a tenth of it.
 
     Differences beyond a thousand steps are left out: there the rounding of `step` itself adds up. A channel
-    without a small difference gives 0.
+    with fewer than ten others gives NaN: it cannot tell.
     """
     quanta = np.abs(np.diff(x)) / step
     quanta = quanta[quanta < 1000.0]
     moved = quanta[quanta > 1e-6]
-    return float(np.mean(np.abs(moved - np.rint(moved)) < 0.1)) if moved.size >= 10 else 0.0
+    return float(np.mean(np.abs(moved - np.rint(moved)) < 0.1)) if moved.size >= 10 else float("nan")
 
 
 def _refined(step: float, steps: Float[np.ndarray, " m"]) -> float:

@@ -1,47 +1,7 @@
 """Readers of files, one format a module, found by the file's suffix."""
 
-from pathlib import Path
-
-from frictionjax.core import InputError
 from frictionjax.recordings.readers.base import AbstractTable as AbstractTable
 from frictionjax.recordings.readers.base import Reader as Reader
-from frictionjax.recordings.readers.mat import open_mat
-from frictionjax.recordings.readers.text import open_text
-from frictionjax.recordings.words import shown
-
-READERS: dict[str, Reader] = {
-    ".csv": open_text,
-    ".csv.gz": open_text,
-    ".txt": open_text,
-    ".txt.gz": open_text,
-    ".mat": open_mat,
-}
-
-
-def open_table(path: Path) -> AbstractTable:
-    """Open a file of measured columns with the reader of its suffix.
-
-    **Arguments:**
-
-    - `path`: an existing file.
-
-    **Returns:** its table.
-
-    **Raises:** `InputError` when no reader knows the suffix or the file is not what its suffix says.
-    """
-    name = path.name.lower()
-    for suffix, reader in READERS.items():
-        if name.endswith(suffix):
-            return reader(path)
-    raise InputError(
-        f'no reader for the suffix "{shown(path.suffix)}"' if path.suffix else "the file has no suffix",
-        file=shown(path, 200),
-        cure=f"Save it in one of the formats that are read: {', '.join(READERS)}",
-    )
-
-
-def stem(path: Path) -> str:
-    """The file's name without its suffix ("run" for "run.csv.gz")."""
-    name = path.name
-    known = max((s for s in READERS if name.lower().endswith(s)), key=len, default=path.suffix)
-    return name[: len(name) - len(known)] or name
+from frictionjax.recordings.readers.registry import READERS as READERS
+from frictionjax.recordings.readers.registry import open_table as open_table
+from frictionjax.recordings.readers.registry import stem as stem
