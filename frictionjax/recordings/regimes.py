@@ -69,7 +69,7 @@ def find_regimes(
     """
     block = min(max(4, round(_BLOCK * sample_rate)), max(1, x.size))
     count = x.size // block
-    still = np.ptp(x[: count * block].reshape(count, block), axis=1) <= 6.0 * resolution
+    still = np.ptp(x[: count * block].reshape(count, block), axis=1) <= 7.0 * resolution
     rests = [run for run in _runs(still) if (run[1] - run[0]) * block >= REST_TIME * sample_rate]
     resting = np.zeros(x.size, dtype=bool)
     for begin, end in rests:
