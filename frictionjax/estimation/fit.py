@@ -92,7 +92,8 @@ def make_problem(
     - `known_inertia`: keep J.
     - `bandwidth`: of the observer, Hz.
     """
-    layout = base_layout(drive, known_inertia=known_inertia) + effect_layout(drive, scales or {})
+    dt = float(jnp.max(batch.dt))
+    layout = base_layout(drive, dt, known_inertia=known_inertia) + effect_layout(drive, scales or {})
     recordings = batch.u.shape[0]
     start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
     deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
@@ -103,7 +104,7 @@ def make_problem(
 
 
 def descend(
-    problem: Problem, vector: Float[Array, " q"], *, graduate: bool = True, rounds: int = 4, steps: int = 4
+    problem: Problem, vector: Float[Array, " q"], *, graduate: bool = True, rounds: int = 3, steps: int = 6
 ) -> tuple[Float[Array, " q"], float, bool]:
     """Minimise the robust misfit by re-weighted Levenberg-Marquardt.
 
@@ -144,6 +145,17 @@ def descend(
     return best, best_value, converged
 
 
+def _first_descent(problem: Problem, vector: Float[Array, " q"]) -> tuple[Float[Array, " q"], float]:
+    """A few steps under a wide knee: enough to see which start is worth going on with."""
+    power = problem.power(vector)
+    scored = np.asarray(problem.setting.batch.block_count) > 0
+    level = float(np.quantile(np.nan_to_num(np.asarray(power)[scored], nan=1e12, posinf=1e12), 0.8))
+    weighted = problem.weighted(power, max(level, problem.floor) ** 0.5)
+    moved, _ = levenberg_marquardt(problem.layout, vector, weighted.setting, 6)
+    value = problem.mismatch(moved)
+    return (moved, value) if np.isfinite(value) else (vector, float("inf"))
+
+
 class FitResult(eqx.Module):
     """A fitted drive.
 
@@ -175,19 +187,22 @@ class FitResult(eqx.Module):
 def finish(problem: Problem, vector: Float[Array, " q"], converged: bool, units: dict[str, str]) -> FitResult:
     """Standard errors and message for the end of a fit; `units` maps force, position, input to unit names."""
     final = problem.weighted(problem.power(vector), problem.floor**0.5)
-    hessian, gradients = normal_equations(final.layout, vector, final.setting)
-    covariance = sandwich(np.asarray(hessian), np.asarray(gradients))
+    hessian, gradients = (np.asarray(a) for a in normal_equations(final.layout, vector, final.setting))
+    computable = bool(np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradients)))
+    covariance = sandwich(hessian, gradients) if computable else np.full(hessian.shape, np.inf)
     count = len(problem.layout)
     ends = at_a_bound(problem.layout, vector[:count], problem.setting.start[:count])
     message = "The fit converged." if converged else "The fit stopped while still improving slightly."
     if ends:
         message += f" At the end of its range: {', '.join(ends)}."
+    if not computable:
+        message += " The derivatives overflow at the solution: no standard errors can be given."
     return FitResult(
         drive=problem.drive(vector),
         parameters=estimates(problem.layout, vector, final.setting, covariance, units),
         covariance=covariance,
         mismatch=problem.mismatch(vector),
-        success=converged and bool(np.all(np.isfinite(np.asarray(vector)))),
+        success=converged and computable,
         message=message,
         problem=final,
         vector=vector,
@@ -234,16 +249,20 @@ def fit(
     starts = (drive,) if isinstance(drive, Drive) else tuple(drive)
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     tried = []
+    # One template for all starts: the vector carries the start, and nothing is compiled twice.
+    problem, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
     for index, start in enumerate(starts):
-        progress("base fit: start", 0.6 * index / len(starts))
-        problem, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
-        # One template for all starts: the vector carries the start, and nothing is compiled twice.
-        first, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
-        tried.append((*descend(first, vector, rounds=1 if len(starts) > 1 else 3)[:2], first))
-    vector, _, problem = min(tried, key=lambda attempt: attempt[1])
+        progress("base fit: starts", 0.4 * index / len(starts))
+        _, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
+        if len(starts) > 1:
+            vector, value = _first_descent(problem, vector)
+            tried.append((value, index, vector))
+        else:
+            tried.append((problem.mismatch(vector), index, vector))
+    progress("base fit: fast observer", 0.4)
+    vector, _, _ = descend(problem, min(tried, key=lambda attempt: attempt[:2])[2], rounds=2)
     progress("base fit: slow observer", 0.6)
-    vector, _, _ = descend(problem, vector, graduate=False, rounds=3)
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    vector, _, converged = descend(slow, vector, rounds=4)
+    vector, _, converged = descend(slow, vector, graduate=False, rounds=3)
     progress("base fit: standard errors", 0.95)
     return finish(slow, vector, converged, units or {})

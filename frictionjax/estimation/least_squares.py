@@ -86,7 +86,7 @@ def levenberg_marquardt(
 
     Weighted innovations and the weak prior are the residuals. A step that fails leaves the best vector so far.
     """
-    solver = optx.LevenbergMarquardt(rtol=1e-5, atol=1e-7)
+    solver = optx.LevenbergMarquardt(rtol=1e-4, atol=1e-5)
     solution = optx.least_squares(
         lambda point, given: _residual(point, given, layout),
         solver,

@@ -1,8 +1,10 @@
 """Free parameters of a drive as one scaled vector, in which a step of 1 is a large but sensible step.
 
-Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), strengths of effects in units of their scale.
+Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), sigma1 as the logarithm of the damping ratio
+sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -18,6 +20,11 @@ from frictionjax.physics import Drive
 # Fs is between these parts above Fc: at Fs = Fc its logarithm, and the sensitivity to vs, would be lost for good;
 # far above, Fs and vs together make a needle that only chases single samples.
 _LEAST_EXCESS, _MOST_EXCESS = 1e-3, 2.0
+# Damping ratio sigma1 / (2 sqrt(sigma0 J)) of the bristle: far above critical, sigma1 dz/dt becomes a blow at every
+# velocity reversal that no step of the length of a sample can follow.
+_LEAST_RATIO, _MOST_RATIO = 1e-3, 1.5
+# Natural frequency of the bristle, rad per sample: faster ones are not in the recordings.
+_FASTEST = 0.6
 # How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
 # read off directly; those of stiffness and damping may be guesses.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0}
@@ -25,7 +32,7 @@ _WIDEST = 1e4
 
 
 class Free(eqx.Module):
-    """One free parameter: where it sits (`path` in the `Drive`), what it is, its scale and its start."""
+    """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), and its `scale`."""
 
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
@@ -40,6 +47,8 @@ class Free(eqx.Module):
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
         if self.path == "friction.Fs":
             return math.log(_LEAST_EXCESS) + 0.0 * start, math.log(_MOST_EXCESS) + 0.0 * start
+        if self.path == "friction.sigma1":
+            return math.log(_LEAST_RATIO) + 0.0 * start, math.log(_MOST_RATIO) + 0.0 * start
         lower, upper = self.parameter.lower, self.parameter.upper
         if self.parameter.transform == "log":
             reach = math.log(_REACH.get(self.label, _WIDEST))
@@ -51,10 +60,16 @@ class Free(eqx.Module):
 _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 
-def base_layout(drive: Drive, *, known_inertia: bool = False) -> tuple[Free, ...]:
-    """The free parameters of the base model: J (unless known) and the six of LuGre."""
+def base_layout(drive: Drive, dt: float, *, known_inertia: bool = False) -> tuple[Free, ...]:
+    """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s."""
     inertia = () if known_inertia else (Free("J", _INERTIA, 1.0),)
-    return inertia + tuple(Free(f"friction.{p.name}", p, 1.0) for p in drive.friction.parameters)
+    stiffest = float(drive.J) * (_FASTEST / dt) ** 2
+    friction = []
+    for parameter in drive.friction.parameters:
+        if parameter.name == "sigma0":
+            parameter = dataclasses.replace(parameter, upper=stiffest)
+        friction.append(Free(f"friction.{parameter.name}", parameter, 1.0))
+    return inertia + tuple(friction)
 
 
 def effect_layout(drive: Drive, scales: dict[str, float]) -> tuple[Free, ...]:
@@ -63,7 +78,9 @@ def effect_layout(drive: Drive, scales: dict[str, float]) -> tuple[Free, ...]:
     for index, effect in enumerate(drive.effects):
         for parameter in effect.strengths + effect.nuisances:
             if parameter.transform != "none":
-                scale = parameter.scale if isinstance(parameter.scale, float) else scales[parameter.scale]
+                scale = 1.0
+                if parameter.transform == "linear":
+                    scale = parameter.scale if isinstance(parameter.scale, float) else scales[parameter.scale]
                 layout.append(Free(f"effects.{index}.{parameter.name}", parameter, float(scale)))
     return tuple(layout)
 
@@ -84,11 +101,21 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
         value = _getter(free.path)(drive)
         if free.path == "friction.Fs":
             values.append(jnp.log(jnp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS)))
+        elif free.path == "friction.sigma1":
+            values.append(jnp.log(value / (2.0 * jnp.sqrt(drive.friction.sigma0 * drive.J))))
         elif free.parameter.transform == "log":
             values.append(jnp.log(value))
         else:
             values.append(value / free.scale)
-    return jnp.stack(values) if values else jnp.zeros(0)
+    start = jnp.stack(values) if values else jnp.zeros(0)
+    # A start on or beyond an end of its range would have no slope.
+    inside = [
+        jnp.clip(start[i], low + 1e-3, high - 1e-3)
+        for i, (low, high) in enumerate(free.range(start[i]) for i, free in enumerate(layout))
+        if layout[i].parameter.transform == "log"
+    ]
+    logs = [i for i, free in enumerate(layout) if free.parameter.transform == "log"]
+    return start.at[jnp.asarray(logs, dtype=int)].set(jnp.stack(inside)) if logs else start
 
 
 def unpack(
@@ -97,15 +124,17 @@ def unpack(
     """`drive` with its free parameters set from `vector`; each stays inside its range."""
     getters = [_getter(free.path) for free in layout]
     values = []
-    Fc = drive.friction.Fc
+    # Fs is told by Fc, and sigma1 by J and sigma0, which come before them in every layout (or are known).
+    known = {"J": drive.J, "friction.sigma0": drive.friction.sigma0, "friction.Fc": drive.friction.Fc}
     for index, free in enumerate(layout):
         coordinate = jnp.clip(vector[index], *free.range(start[index]))
         if free.parameter.transform == "log":
             value = jnp.exp(coordinate)
-            if free.path == "friction.Fc":
-                Fc = value
             if free.path == "friction.Fs":
-                value = Fc * (1.0 + value)
+                value = known["friction.Fc"] * (1.0 + value)
+            elif free.path == "friction.sigma1":
+                value = value * 2.0 * jnp.sqrt(known["friction.sigma0"] * known["J"])
+            known[free.path] = value
         else:
             value = coordinate * free.scale
         values.append(value)

@@ -78,7 +78,7 @@ def starting_values(
             "and are barely visible."
         )
         stroke = max(float(np.ptp(m.x)) for m in motions)
-        for part, spread in ((1e-4, 1.0), (1e-3, 1.0), (1e-3, 6.0), (1e-2, 1.0)):
+        for part, spread in ((1e-5, 3.0), (1e-4, 1.0), (1e-4, 6.0), (1e-2, 3.0)):
             stiffness = Fs / (part * stroke)
             damping = np.sqrt(stiffness * J)
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
@@ -103,7 +103,7 @@ def _best_stick(
         # Broadband means that most lines of the band are coherent, not that a sine is.
         if np.mean(np.asarray(frf.coherence)[inside] > 0.6) < 0.25:
             continue
-        sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant)
+        sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant, fit_delay=True)
         positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
         if not positive:
             continue

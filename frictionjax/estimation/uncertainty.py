@@ -54,13 +54,17 @@ def estimates(
     """
     count = len(layout)
     values, jacobian = physical(layout, setting.drive, vector[:count], setting.start[:count])
-    spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
+    if np.all(np.isfinite(covariance)):
+        spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
+    else:
+        spread = np.full(count, np.inf)
     result = {}
     for free, value, stderr in zip(layout, values, spread, strict=True):
         positive = free.parameter.transform == "log"
-        identified = bool(np.isfinite(stderr)) and (not positive or stderr < 0.5 * abs(value))
+        # A parameter at the end of its range has no slope left: a standard error of zero is no knowledge.
+        identified = bool(0.0 < stderr < np.inf) and (not positive or bool(stderr < 0.5 * abs(value)))
         unit = free.parameter.unit
         for name, text in units.items():
             unit = unit.replace("{" + name + "}", text)
-        result[free.label] = Estimate(float(value), float(stderr), unit, identified)
+        result[free.label] = Estimate(float(value), float(stderr) if identified or stderr > 0.0 else float("inf"), unit, identified)
     return result

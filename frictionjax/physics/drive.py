@@ -31,6 +31,10 @@ class Drive(eqx.Module):
     motor_constant: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
     effects: tuple[AbstractEffect, ...] = ()
 
+    def with_effects(self, *effects: AbstractEffect) -> "Drive":
+        """The same machine with `effects` added to those it has."""
+        return Drive(self.J, self.friction, self.motor_constant, (*self.effects, *effects))
+
     @property
     def bristle_count(self) -> int:
         """Number of bristle elements: 1 for LuGre alone."""

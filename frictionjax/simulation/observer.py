@@ -56,7 +56,8 @@ class Observed(eqx.Module):
     z: Float[Array, "n bristles"]
 
 
-def _correct(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
+def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
+    """State after the correction by one innovation; `slack` as in `Bristles`."""
     # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not.
     yield_deflection = slack * drive.friction.Fs / drive.friction.sigma0
     stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
@@ -65,6 +66,21 @@ def _correct(drive: Drive, slack, state: State, innovation, gains: Gains) -> Sta
         state.v + gains.velocity * innovation,
         state.z + gains.position * innovation * stuck,
     )
+
+
+def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
+    """The states after each correction: what `observed` predicted, corrected by its innovation with `gains`.
+
+    **Returns:**
+
+    A `State` of arrays of shape `(n,)` (`z`: `(n, bristles)`), for the `drive` that the observer ran with.
+    """
+    slack = drive.bristles().slack
+
+    def correct(innovation, x, v, z):
+        return corrected(drive, slack, State(x, v, z), innovation, gains)
+
+    return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z)
 
 
 def observe(
@@ -98,8 +114,8 @@ def observe(
     def sample(state, inputs):
         push, measured = inputs
         innovation = measured - state.x
-        corrected = _correct(drive, bristles.slack, state, innovation, gains)
-        following = advance(drive, bristles, corrected, push, dt, substeps)
+        state_now = corrected(drive, bristles.slack, state, innovation, gains)
+        following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z)
 
     _, (innovation, x_predicted, v, z) = jax.lax.scan(sample, initial_state(drive, *start), (force, x))
@@ -122,7 +138,7 @@ def innovations(
     def sample(state, inputs):
         push, measured = inputs
         innovation = measured - state.x
-        corrected = _correct(drive, bristles.slack, state, innovation, gains)
-        return advance(drive, bristles, corrected, push, dt, substeps), innovation
+        state_now = corrected(drive, bristles.slack, state, innovation, gains)
+        return advance(drive, bristles, state_now, push, dt, substeps), innovation
 
     return jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1]

@@ -40,10 +40,11 @@ def ros2_step(
 
     x, v, z = state.x, state.v, state.z
     friction_now, rate_now = opposing(x, v, z)
-    # A is taken at the larger speed of both ends of the step: at a velocity reversal the bristle rate, which grows with
-    # |v|, may rise within the step from nothing to far beyond 1/h, and a small A would not hold it.
+    # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
+    # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
+    # keeps the step L-stable.
     ahead = v + h * (force - friction_now) / drive.J
-    fast = jnp.where(jnp.abs(ahead) > jnp.abs(v), ahead, v)
+    fast = jnp.where((ahead * v < 0.0) & (jnp.abs(ahead) > jnp.abs(v)), ahead, v)
     # Columns of A by forward differentiation: v moves everything, each z_j moves its own rate only.
     _, (friction_v, rate_v) = jax.jvp(lambda speed: opposing(x, speed, z), (fast,), (jnp.ones_like(v),))
     _, (_, rate_z) = jax.jvp(lambda deflection: opposing(x, fast, deflection), (z,), (jnp.ones_like(z),))

@@ -1,0 +1,28 @@
+"""How much of a verb's time JAX spent on compilation: told apart in every report."""
+
+import jax
+
+_EVENT = "/jax/core/compile/backend_compile_duration"
+
+
+class CompileClock:
+    """Sums the compilation time of this process; `seconds` since this clock was made."""
+
+    _total = 0.0
+    _listening = False
+
+    def __init__(self) -> None:
+        if not CompileClock._listening:
+            jax.monitoring.register_event_duration_secs_listener(CompileClock._note)
+            CompileClock._listening = True
+        self._before = CompileClock._total
+
+    @staticmethod
+    def _note(event: str, duration: float, **_: object) -> None:
+        if event == _EVENT:
+            CompileClock._total += duration
+
+    @property
+    def seconds(self) -> float:
+        """Compilation time since this clock was made, s (of all threads together)."""
+        return CompileClock._total - self._before

@@ -1,0 +1,79 @@
+"""The plant's own sizes, in which strengths of effects are measured and nuisances are tried."""
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from frictionjax.estimation.batch import Batch
+from frictionjax.physics import Drive
+
+_SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with the observer's own dynamics
+
+
+def plant_scales(drive: Drive, batch: Batch) -> dict[str, float]:
+    """Sizes by the names that `Parameter.scale` may use.
+
+    **Arguments:**
+
+    - `drive`: the fitted base model.
+    - `batch`: the recordings.
+    """
+    friction = drive.friction
+    inside = [np.asarray(batch.x[row, : batch.lengths[row]]) for row in range(len(batch.lengths))]
+    low, high = min(x.min() for x in inside), max(x.max() for x in inside)
+    Fc, stroke = float(friction.Fc), float(high - low)
+    return {
+        "Fc": Fc,
+        "sigma0": float(friction.sigma0),
+        "sigma2": float(friction.sigma2),
+        "vs": float(friction.vs),
+        "zs": float(friction.Fs / friction.sigma0),
+        "stroke": stroke,
+        "center": float(0.5 * (low + high)),
+        "Fc/stroke": Fc / stroke,
+        "dt": float(np.min(np.asarray(batch.dt))),
+    }
+
+
+def wavelengths(
+    innovation: np.ndarray, speed: np.ndarray, batch: Batch, *, odd: bool, count: int = 3
+) -> tuple[float, ...]:
+    """Periods along the stroke at which the innovations repeat, strongest first, position units.
+
+    Innovations of sliding samples, weighted by their block's level, are summed in bins of position (with the
+    sign of the velocity for `odd`: a friction that varies); the Fourier transform of the sums is a periodogram.
+
+    **Arguments:**
+
+    - `innovation`, `speed`: standardised innovations and predicted velocity, shape `(r, n)`.
+    - `batch`: the recordings.
+    - `odd`: True for a force against the motion, False for one that does not care for its direction.
+    - `count`: how many periods.
+    """
+    power = np.asarray(batch.block_mean(innovation**2))
+    weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
+    top = max(float(np.quantile(np.abs(speed), 0.999)), 1e-300)
+    sliding = (np.abs(speed) > 0.02 * top) & (weight > 0)
+    if sliding.sum() < 1000:
+        return ()
+    x = np.asarray(batch.x)[sliding]
+    value = (innovation * weight * (np.sign(speed) if odd else 1.0))[sliding]
+    span = float(np.ptp(x))
+    bins = 4096
+    place = np.minimum(((x - x.min()) / span * bins).astype(int), bins - 1)
+    total = np.bincount(place, value - value.mean(), minlength=bins)
+    occupied = np.bincount(place, minlength=bins)
+    profile = np.where(occupied > 0, total / np.sqrt(np.maximum(occupied, 1)), 0.0)
+    spectrum = np.abs(np.fft.rfft(profile, 8 * bins))
+    cycles = np.arange(spectrum.size) / 8.0
+    shortest = _SHORTEST_WAVE * top * float(np.min(np.asarray(batch.dt)))
+    spectrum[(cycles < 0.75) | (cycles > span / shortest)] = 0.0
+    peaks, _ = find_peaks(spectrum)
+    order = peaks[np.argsort(spectrum[peaks])[::-1]]
+    chosen: list[float] = []
+    for peak in order:
+        period = span / cycles[peak]
+        if all(abs(np.log(period / other)) > 0.1 for other in chosen):
+            chosen.append(float(period))
+        if len(chosen) == count:
+            break
+    return tuple(chosen)

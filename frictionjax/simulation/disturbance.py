@@ -1,0 +1,67 @@
+"""Residual force: the force that a model lacks, estimated from the position by an observer with one more state."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Drive
+from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.observer import Gains, corrected
+from frictionjax.simulation.ros2 import advance
+
+
+def residual_force(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    bandwidth: float,
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+) -> Float[Array, " n"]:
+    """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
+
+    An observer with a triple pole at p = exp(-2 pi bandwidth dt) carries the missing acceleration as a state
+    (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); its lag, three poles' worth, is taken out by a shift.
+
+    **Arguments:**
+
+    - `drive`: the model.
+    - `force`: motor force held over each sample, shape `(n,)`.
+    - `x`: measured position, shape `(n,)`.
+    - `dt`: s per sample.
+    - `bandwidth`: Hz; lower is smoother.
+    - `start`: position, velocity and bristle deflection at the first sample.
+    """
+    bristles = drive.bristles()
+    pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
+    gains = Gains(1.0 - pole**3, 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / dt)
+    gain = (1.0 - pole) ** 3 / dt**2
+
+    def sample(carry, inputs):
+        state, missing = carry
+        push, measured = inputs
+        innovation = measured - state.x
+        missing = missing + gain * innovation
+        state = corrected(drive, bristles.slack, state, innovation, gains)
+        return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing
+
+    first = (initial_state(drive, *start), jnp.zeros_like(dt))
+    missing = jax.lax.scan(sample, first, (force, x))[1]
+    lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
+    later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, x.shape[0] - 1)
+    return drive.J * missing[later]
+
+
+def residual_force_std(noise: float, inertia: float, dt: float, bandwidth: float) -> float:
+    """Standard deviation of `residual_force` under white position noise and the true model, force units.
+
+    From noise to missing acceleration: g (1 - q)^2 / (1 - p q)^3 with q the unit delay; for a free mass.
+
+    **Arguments:** `noise` (position units), `inertia`, `dt` (s), `bandwidth` (Hz).
+    """
+    p = float(np.exp(-2.0 * np.pi * bandwidth * dt))
+    frequency = np.linspace(0.0, np.pi, 20001)
+    q = np.exp(-1j * frequency)
+    power = np.abs((1.0 - p) ** 3 / dt**2 * (1.0 - q) ** 2 / (1.0 - p * q) ** 3) ** 2
+    return noise * inertia * float(np.sqrt(np.trapezoid(power, frequency) / np.pi))
