@@ -1,5 +1,7 @@
 """Simulation: the fixed-step scheme for sampled data, the diffrax reference, observers and windowed prediction."""
 
+from frictionjax.simulation.disturbance import residual_force as residual_force
+from frictionjax.simulation.disturbance import residual_force_std as residual_force_std
 from frictionjax.simulation.fixed import Trajectory as Trajectory
 from frictionjax.simulation.fixed import simulate as simulate
 from frictionjax.simulation.observer import Gains as Gains
@@ -8,3 +10,5 @@ from frictionjax.simulation.observer import innovation_gain as innovation_gain
 from frictionjax.simulation.observer import innovations as innovations
 from frictionjax.simulation.observer import observe as observe
 from frictionjax.simulation.observer import observer_gains as observer_gains
+from frictionjax.simulation.prediction import predict_ahead as predict_ahead
+from frictionjax.simulation.reference import simulate_reference as simulate_reference

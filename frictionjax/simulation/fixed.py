@@ -25,9 +25,7 @@ class Trajectory(eqx.Module):
     friction: Float[Array, " n"]
 
 
-def initial_state(
-    drive: Drive, x0: Float[Array, ""], v0: Float[Array, ""], z0: Float[Array, ""]
-) -> State:
+def initial_state(drive: Drive, x0: Float[Array, ""], v0: Float[Array, ""], z0: Float[Array, ""]) -> State:
     """State of `drive` at the first sample; every bristle starts at deflection `z0`."""
     return State(x0, v0, z0 * jnp.ones(drive.bristle_count))
 
@@ -79,5 +77,7 @@ def simulate(
     require_x64()
     u = real(u)
     if u.ndim != 1:
-        raise ValueError(f"`u` has shape {u.shape}; `simulate` takes one input of shape (n,). Batch with jax.vmap.")
+        raise ValueError(
+            f"`u` has shape {u.shape}; `simulate` takes one input of shape (n,). Batch with jax.vmap."
+        )
     return _simulate(drive, u, 1.0 / real(sample_rate), real(x0), real(v0), real(z0), substeps)

@@ -73,6 +73,3 @@ class AbstractBristleEffect(AbstractEffect):
 
         The single bristle keeps the stiffness that the shares leave.
         """
-
-
-

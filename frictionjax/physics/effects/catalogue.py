@@ -21,6 +21,10 @@ def catalogue() -> dict[str, tuple[type[AbstractEffect], ...]]:
             continue
         members = vars(importlib.import_module(f"{__package__}.{module.name}"))
         for member in members.values():
-            if inspect.isclass(member) and issubclass(member, AbstractEffect) and not inspect.isabstract(member):
+            if (
+                inspect.isclass(member)
+                and issubclass(member, AbstractEffect)
+                and not inspect.isabstract(member)
+            ):
                 forms.setdefault(member.name, []).append(member)
     return {name: tuple(forms[name]) for name in sorted(forms)}

@@ -59,7 +59,12 @@ class ViscousAsymmetry(AbstractForceEffect):
     about: ClassVar[About] = _ABOUT
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "viscous", "1", "relative asymmetry of the viscous part", lower=-1.0, upper=1.0, probes=(0.02, 0.2)
+            "viscous",
+            "1",
+            "relative asymmetry of the viscous part",
+            lower=-1.0,
+            upper=1.0,
+            probes=(0.02, 0.2),
         ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()

@@ -31,7 +31,7 @@ class MaxwellSlip(AbstractBristleEffect):
     name: ClassVar[str] = "maxwell_slip"
     about: ClassVar[About] = About(
         sentence="presliding hysteresis with non-local memory (Maxwell slip)",
-        equation="F = (1 - share) sigma0 z + share sigma0 sum_j a_j z_j, element j sticks until |z_j| reaches its yield",
+        equation="F = (1 - share) sigma0 z + share sigma0 mean(z_j); element j sticks until |z_j| reaches its yield",
         shows="presliding: reversals below break-away, nested loops",
         confused_with=("elasto_plastic",),
         split_by="nested triangles A > B > A below break-away",
@@ -41,7 +41,9 @@ class MaxwellSlip(AbstractBristleEffect):
         Parameter("share", "1", "share of the stiffness", lower=0.0, upper=1.0, probes=(0.05, 0.4)),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("shape", "1", "Weibull exponent of the yields", "log", lower=0.5, upper=6.0, grid=(1.0, 2.0)),
+        Parameter(
+            "shape", "1", "Weibull exponent of the yields", "log", lower=0.5, upper=6.0, grid=(1.0, 2.0)
+        ),
     )
 
     def share_and_yield(self) -> tuple[Float[Array, " count"], Float[Array, " count"]]:

@@ -73,7 +73,9 @@ class PeriodicPositionDependence(AbstractLevelEffect):
         Parameter("cosine", "1", "cosine part", lower=-0.9, upper=0.9, probes=(0.02,)),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("period", "{position}", "period along the stroke", "log", scale="odd_period", grid="period"),
+        Parameter(
+            "period", "{position}", "period along the stroke", "log", scale="odd_period", grid="period"
+        ),
     )
 
     def level(

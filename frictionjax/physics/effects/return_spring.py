@@ -30,7 +30,9 @@ class ReturnSpring(AbstractForceEffect):
         split_by="slow moves over the whole stroke in both directions",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("stiffness", "{force}/{position}", "spring constant", scale="Fc/stroke", probes=(0.02, 0.2)),
+        Parameter(
+            "stiffness", "{force}/{position}", "spring constant", scale="Fc/stroke", probes=(0.02, 0.2)
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 

@@ -38,7 +38,9 @@ class Ripple(AbstractForceEffect):
         Parameter("cosine", "{force}", "cosine amplitude", scale="Fc", probes=(0.02,)),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("period", "{position}", "period along the stroke", "log", scale="even_period", grid="period"),
+        Parameter(
+            "period", "{position}", "period along the stroke", "log", scale="even_period", grid="period"
+        ),
     )
 
     def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:

@@ -1,0 +1,106 @@
+"""`predict_ahead`: where the drive will be some time ahead, from what has been measured until now.
+
+A free run from the first sample adds up every small error of the model; the innovation sees one sample at a time.
+Between the two lies what a user feels: the error after a stated time, from a state that the measurement has corrected.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import require_x64
+from frictionjax.core.safe import real
+from frictionjax.physics import Drive
+from frictionjax.simulation.observer import Gains, corrected_states, observe
+from frictionjax.simulation.ros2 import advance
+
+# Free runs go side by side in batches of this many: enough to fill the vector units, few enough to stay in the cache.
+_BATCH = 1024
+
+
+@eqx.filter_jit
+def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps):
+    observed = observe(drive, force, x, dt, gains, start, substeps=substeps)
+    n = x.shape[0]
+    runs = -(-(n - horizon) // stride)
+    if runs <= 0:
+        return observed.x
+    bristles = drive.bristles()
+    begin = jnp.arange(runs) * stride
+    first = jax.tree.map(lambda leaf: leaf[begin], corrected_states(drive, observed, gains))
+    # The last run may leave the recording: what it would predict there is cut off below.
+    padded = jnp.concatenate([force, jnp.zeros(stride)])
+
+    def free_run(state, begin):
+        push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
+
+        def reach(state, force):
+            return advance(drive, bristles, state, force, dt, substeps), None
+
+        def collect(state, force):
+            return advance(drive, bristles, state, force, dt, substeps), state.x
+
+        state, _ = jax.lax.scan(reach, state, push[:horizon])
+        state, passed = jax.lax.scan(collect, state, push[horizon:])
+        return jnp.concatenate([passed, state.x[None]])
+
+    ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
+    return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])
+
+
+def predict_ahead(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: float | Float[Array, ""],
+    gains: Gains,
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    *,
+    horizon: int,
+    stride: int,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """Position predicted `horizon` samples ahead (up to `stride` - 1 more), by free runs on the recorded force.
+
+    At every `stride`-th sample k the drive starts from the state that the observer has corrected with x[k], and runs
+    without measurement; its positions at samples k + horizon ... k + horizon + stride - 1 are returned there.
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `force`: motor force held over each sample, shape `(n,)` (`drive.applied_force(u, dt)`).
+    - `x`: measured position, shape `(n,)`.
+    - `dt`: s per sample.
+    - `gains`: from `observer_gains`.
+    - `start`: position, velocity and bristle deflection at the first sample.
+    - `horizon`: samples to look ahead, at least 1.
+    - `stride`: samples from one start to the next, at least 1. The work grows as n (horizon + stride)/stride.
+    - `substeps`: integration steps per sample.
+
+    **Returns:**
+
+    Predicted position, shape `(n,)`; the first `horizon` samples, which no run reaches, hold the observer's own.
+
+    **Raises:**
+
+    `PrecisionError` unless JAX computes in float64; `ValueError` when `horizon` or `stride` is below 1, or when `force`
+    and `x` are not of one length.
+    """
+    require_x64()
+    force, x = real(force), real(x)
+    if x.ndim != 1 or force.shape != x.shape:
+        raise ValueError(f"`force` has shape {force.shape} and `x` {x.shape}; both must be (n,).")
+    if horizon < 1 or stride < 1:
+        raise ValueError(f"`horizon` is {horizon} and `stride` {stride}; both count samples and start at 1.")
+    return _predict_ahead(
+        drive,
+        force,
+        x,
+        real(dt),
+        jax.tree.map(real, gains),
+        tuple(real(value) for value in start),
+        horizon,
+        stride,
+        substeps,
+    )
