@@ -19,7 +19,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(name)
     api = importlib.import_module("frictionjax.api")
     if name not in api.__all__:
-        raise AttributeError(f"frictionjax has no public name `{name}`. Public names: {', '.join(api.__all__)}.")
+        raise AttributeError(
+            f"frictionjax has no public name `{name}`. Public names: {', '.join(api.__all__)}."
+        )
     return getattr(api, name)
 
 

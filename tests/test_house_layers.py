@@ -19,6 +19,7 @@ MAY_IMPORT = {unit: set(STEPS[:place]) for place, unit in enumerate(STEPS)} | {
     "frequency": {"core", "recordings", "excitation"},
     "demo": {"core"},
     "cli": {*STEPS, "demo"},
+    "__main__": {"cli"},
 }
 """Unit (a subpackage or a module at the top) to the units that it may import; itself is always allowed."""
 
@@ -231,6 +232,7 @@ SOUND = {
     "report/figures.py": "import matplotlib.pyplot as plt\n",
     "demo/plant.py": "from frictionjax.core import InputError\n",
     "api.py": "from frictionjax.physics import LuGre\n",
+    "__main__.py": "import sys\nfrom frictionjax.cli import main\nsys.exit(main())\n",
     "cli.py": "import argparse\ndef main():\n    import jax\n    jax.config.update('jax_enable_x64', True)\n"
     "    from frictionjax.demo.plant import InputError\n",
 }
@@ -260,6 +262,7 @@ PLANTED = {
     ),
     "demo knows": ("demo/a.py", "from frictionjax.physics import LuGre", "`demo` may not import `physics`"),
     "demo known": ("api.py", "from frictionjax.demo import plant", "`api` may not import `demo`"),
+    "main does more": ("__main__.py", "from frictionjax.api import LuGre", "`__main__` may not import `api`"),
     "root as source": ("studies/a.py", "import frictionjax as fj", "not from `frictionjax`"),
     "name of the root": ("studies/a.py", "from frictionjax import LuGre", "not from `frictionjax`"),
     "eager door": ("__init__.py", "from frictionjax.api import LuGre", "the door loads late"),

@@ -10,4 +10,4 @@ class Progress(Protocol):
 
 
 def silent(stage: str, fraction: float) -> None:
-    """The `Progress` of a caller who does not want to be told."""
+    """The `Progress` of a caller who does not want to be told: `stage` and `fraction` are passed over."""

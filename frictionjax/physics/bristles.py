@@ -27,10 +27,17 @@ class Bristles(eqx.Module):
     def rate(
         self, v: Float[Array, ""], z: Float[Array, " n"], level: Float[Array, ""], sigma0: Float[Array, ""]
     ) -> Float[Array, " n"]:
-        """dz/dt of every element, position/s: v minus |v| times the part that slips.
+        """dz/dt of every element, position/s, shape `(n,)`: v minus |v| times the part that slips.
 
         LuGre's bristle slips in proportion to its deflection, equation (2); an elasto-slip element does not slip
         below its yield, nor when the velocity turns back.
+
+        **Arguments:**
+
+        - `v`: velocity, position/s.
+        - `z`: deflection of each element, position units, shape `(n,)`.
+        - `level`: steady-state friction level G, force.
+        - `sigma0`: stiffness of the whole bank, force/position.
         """
         direction = sign(v)
         strain = sigma0 * z / (level * self.slack)

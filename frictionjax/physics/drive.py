@@ -52,7 +52,7 @@ class Drive(eqx.Module):
         return self.motor_constant * u
 
     def level(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """Steady-state friction level G without viscous part, force."""
+        """Steady-state friction level G without viscous part, force, at position `x` and velocity `v`."""
         level = self.friction.level(v)
         for effect in self.effects:
             if isinstance(effect, AbstractLevelEffect):
@@ -60,7 +60,7 @@ class Drive(eqx.Module):
         return level
 
     def parallel_force(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """Opposing force without memory: viscous friction and the force effects."""
+        """Opposing force without memory at position `x` and velocity `v`: viscous friction and the force effects."""
         force = self.friction.sigma2 * v
         for effect in self.effects:
             if isinstance(effect, AbstractForceEffect):
@@ -70,7 +70,14 @@ class Drive(eqx.Module):
     def friction_force(
         self, bristles: Bristles, x: Float[Array, ""], v: Float[Array, ""], z: Float[Array, " n"]
     ) -> tuple[Float[Array, ""], Float[Array, " n"]]:
-        """Opposing force (1), with the effects, and the bristle rates (2)."""
+        """Opposing force (1), with the effects, and the bristle rates (2), position/s, shape `(n,)`.
+
+        **Arguments:**
+
+        - `bristles`: from `bristles()`, made once per run.
+        - `x`, `v`: position and velocity.
+        - `z`: deflection of each bristle element, position units, shape `(n,)`.
+        """
         rate = bristles.rate(v, z, self.level(x, v), self.friction.sigma0)
         bristle = self.friction.sigma0 * jnp.sum(bristles.share * z) + self.friction.sigma1 * jnp.sum(
             bristles.share * rate

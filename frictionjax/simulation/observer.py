@@ -36,6 +36,11 @@ def innovation_gain(bandwidth: float, dt: float) -> float:
     """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
 
     From the transfer function of noise to innovation, (1 - q)^2 / (1 - p q)^2 with q the unit delay.
+
+    **Arguments:**
+
+    - `bandwidth`: of the observer, Hz.
+    - `dt`: s per sample.
     """
     p = float(np.exp(-2.0 * np.pi * bandwidth * dt))
     frequency = np.linspace(0.0, np.pi, 20001)
@@ -132,7 +137,10 @@ def innovations(
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
-    """The innovations of `observe` alone, shape `(n,)`: what fits and tests are made of."""
+    """The innovations of `observe` alone, shape `(n,)`: what fits and tests are made of.
+
+    **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps` as in `observe`.
+    """
     bristles = drive.bristles()
 
     def sample(state, inputs):

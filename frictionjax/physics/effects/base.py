@@ -59,7 +59,7 @@ class AbstractLevelEffect(AbstractEffect):
     def level(
         self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
     ) -> Float[Array, ""]:
-        """The level (force units) that replaces `level` at position `x` and velocity `v`."""
+        """The level (force units) that replaces `level` at position `x` and velocity `v`; `friction` gives scales."""
 
 
 class AbstractBristleEffect(AbstractEffect):
