@@ -65,7 +65,7 @@ def linearize(
             rate = speed * direction * slip
             force = drive.friction.sigma0 * jnp.sum(bristles.share * elements)
             force = force + drive.friction.sigma1 * jnp.sum(bristles.share * rate)
-            force = force + drive.parallel_force(position, speed)
+            force = force + drive.parallel_force(position, direction * 1e-300 + speed)
             return jnp.concatenate([jnp.stack([speed, -force / drive.J]), rate])
 
         return jax.jacfwd(field)(jnp.concatenate([jnp.stack([x, 0.0 * x]), deflection]))

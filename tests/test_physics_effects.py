@@ -1,0 +1,193 @@
+"""The catalogue, and every effect against its closed form in steady sliding."""
+
+import dataclasses
+import inspect
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_plants import FORMS, NUISANCES, TABLE_I, effect
+
+from frictionjax.physics import catalogue
+from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractInputEffect
+
+NAMES = [
+    *("constant_load", "delay", "direction_asymmetry", "drive_lag", "maxwell_slip"),
+    *("position_dependence", "return_spring", "ripple", "stribeck_shape"),
+]
+
+
+def test_the_catalogue_finds_every_effect():
+    assert list(catalogue()) == NAMES
+    for name, forms in catalogue().items():
+        assert forms
+        for form in forms:
+            assert form.name == name
+            assert issubclass(form, AbstractEffect) and not inspect.isabstract(form)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_form_says_what_it_is(name):
+    for form in catalogue()[name]:
+        about = form.about
+        assert about.sentence and about.equation and about.shows
+        assert bool(about.split_by) or not about.confused_with
+        assert name not in about.confused_with
+        told = [parameter.name for parameter in form.strengths + form.nuisances]
+        assert told == [field.name for field in dataclasses.fields(form)]
+        for parameter in form.strengths + form.nuisances:
+            assert parameter.unit and parameter.meaning
+            assert parameter.lower < parameter.upper
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_strengths_are_zero_unless_given_and_admissible(form):
+    default = FORMS[form]()
+    for parameter in FORMS[form].strengths:
+        assert float(getattr(default, parameter.name)) == 0.0
+        assert parameter.transform == "linear"
+        assert parameter.lower <= 0.0 < parameter.upper
+
+
+def test_arguments_of_the_constructors_become_arrays():
+    leaves = [leaf for form in FORMS for leaf in jax.tree.leaves(FORMS[form]())]
+    assert {leaf.dtype for leaf in leaves} == {jnp.dtype("float64")}
+
+
+FC, FS, VS, S0, S2 = 1.0, 1.5, 1e-3, 1e5, 0.4
+
+
+def _level(v):
+    return FC + (FS - FC) * np.exp(-((v / VS) ** 2))
+
+
+def _polynomial(x, linear, quadratic):
+    p = (x - 1e-4) / 1e-3
+    return 1.0 + linear * p + quadratic * (1.5 * p**2 - 0.5)
+
+
+def _wave(x, sine, cosine, period=4e-4):
+    return sine * np.sin(2 * np.pi * x / period) + cosine * np.cos(2 * np.pi * x / period)
+
+
+SLIDING = {
+    "ConstantLoad": ({"load": 0.3}, lambda x, v: np.sign(v) * _level(v) + S2 * v + 0.3),
+    "DirectionAsymmetry": (
+        {"coulomb": 0.2},
+        lambda x, v: np.sign(v) * _level(v) * (1.0 + 0.2 * np.sign(v)) + S2 * v,
+    ),
+    "ViscousAsymmetry": (
+        {"viscous": 0.5},
+        lambda x, v: np.sign(v) * _level(v) + S2 * v * (1.0 + 0.5 * np.sign(v)),
+    ),
+    "MaxwellSlip": ({"share": 0.6}, lambda x, v: np.sign(v) * _level(v) + S2 * v),
+    "PositionDependence": (
+        {"linear": 0.3, "quadratic": -0.2},
+        lambda x, v: np.sign(v) * _level(v) * _polynomial(x, 0.3, -0.2) + S2 * v,
+    ),
+    "PeriodicPositionDependence": (
+        {"sine": 0.1, "cosine": 0.2},
+        lambda x, v: np.sign(v) * _level(v) * (1.0 + _wave(x, 0.1, 0.2)) + S2 * v,
+    ),
+    "ReturnSpring": ({"stiffness": 400.0}, lambda x, v: np.sign(v) * _level(v) + S2 * v + 400.0 * x),
+    "Ripple": (
+        {"sine": 0.1, "cosine": 0.2},
+        lambda x, v: np.sign(v) * _level(v) + S2 * v + _wave(x, 0.1, 0.2),
+    ),
+    "StribeckShape": (
+        {"exponent_change": -1.0},
+        lambda x, v: np.sign(v) * (FC + (FS - FC) * np.exp(-abs(v) / VS)) + S2 * v,
+    ),
+}
+"""Strengths of each form, and the force that opposes steady sliding at x and v; the input effects have none."""
+
+
+def test_the_table_of_closed_forms_is_complete():
+    assert set(SLIDING) == {name for name, form in FORMS.items() if not issubclass(form, AbstractInputEffect)}
+
+
+@pytest.mark.parametrize("form", SLIDING)
+def test_force_of_steady_sliding_is_the_closed_form(form):
+    strengths, closed_form = SLIDING[form]
+    drive = TABLE_I.with_effects(effect(form, **strengths))
+    bristles = drive.bristles()
+
+    def sliding(x, v):
+        z = jnp.sign(v) * drive.level(x, v) * bristles.slack / S0
+        return drive.friction_force(bristles, x, v, z)
+
+    x, v = (grid.ravel() for grid in np.meshgrid([-6e-4, 0.0, 2.3e-4, 9e-4], [-0.05, -1e-3, 4e-4, 1e-3, 0.2]))
+    force, rate = jax.jit(jax.vmap(sliding))(x, v)
+    np.testing.assert_allclose(force, closed_form(x, v), rtol=1e-12)
+    assert float(jnp.max(jnp.abs(rate))) < 1e-13  # sliding is steady: no bristle bends further
+
+
+def test_outside_the_stroke_the_polynomial_stays_where_it_was():
+    drive = TABLE_I.with_effects(effect("PositionDependence", linear=0.5))
+    v = jnp.asarray(0.1)
+    near, far = (float(drive.level(jnp.asarray(1e-4 + p * 1e-3), v)) for p in (1.2, 5.0))
+    assert near == far == pytest.approx(1.6, rel=1e-9)
+
+
+def test_direction_asymmetry_makes_two_levels_and_no_force_at_rest():
+    drive = TABLE_I.with_effects(
+        effect("DirectionAsymmetry", coulomb=0.2), effect("ViscousAsymmetry", viscous=0.3)
+    )
+    zero = jnp.zeros(())
+    left, right = (float(drive.level(zero, jnp.asarray(v))) for v in (-0.1, 0.1))
+    assert (left, right) == (pytest.approx(0.8, rel=1e-9), pytest.approx(1.2, rel=1e-9))
+    force, rate = drive.friction_force(drive.bristles(), zero, zero, jnp.zeros(1))
+    assert float(force) == 0.0 and float(rate[0]) == 0.0
+
+
+def test_effects_of_one_slot_act_one_after_the_other():
+    tilted, wavy = effect("PositionDependence", linear=0.3), effect("PeriodicPositionDependence", sine=0.2)
+    x, v = jnp.asarray(1.3e-4), jnp.asarray(0.01)
+    alone = [float(TABLE_I.with_effects(one).level(x, v)) for one in (tilted, wavy)]
+    both = float(TABLE_I.with_effects(tilted).with_effects(wavy).level(x, v))
+    assert both == pytest.approx(alone[0] * alone[1] / float(TABLE_I.level(x, v)), rel=1e-13)
+    loads = TABLE_I.with_effects(effect("ConstantLoad", load=0.2), effect("ReturnSpring", stiffness=50.0))
+    expected = 0.4 * 0.01 + 0.2 + 50.0 * 1.3e-4
+    assert float(loads.parallel_force(x, v)) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_effects_batch(form):
+    """A batch of strengths in one effect gives what one effect for each strength gives."""
+    first = FORMS[form].strengths[0].name
+    unit = {"Delay": 1e-4, "DriveLag": 1e-4, "ReturnSpring": 100.0}.get(form, 0.1)
+    strengths = unit * np.array([0.0, 0.5, 1.7])
+    u = jnp.sin(jnp.arange(7.0))
+
+    def act(made):
+        drive = TABLE_I.with_effects(made)
+        z = 8e-6 * jnp.ones(drive.bristle_count)
+        x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
+        return drive.applied_force(u, dt), drive.friction_force(drive.bristles(), x, v, z)
+
+    def make(value):
+        return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))
+
+    batched = eqx.filter_vmap(act)(eqx.filter_vmap(make)(strengths))
+    singles = [act(make(value)) for value in strengths]
+    for got, *expected in zip(jax.tree.leaves(batched), *map(jax.tree.leaves, singles), strict=True):
+        np.testing.assert_allclose(got, np.stack(expected), rtol=1e-13)
+    weak, _, strong = map(jax.tree.leaves, singles)
+    assert any(
+        not np.allclose(one, other, rtol=1e-6, atol=0.0) for one, other in zip(weak, strong, strict=True)
+    )
+
+
+@pytest.mark.parametrize("form", [f for f in FORMS if issubclass(FORMS[f], AbstractForceEffect)])
+def test_force_effects_are_smooth_in_position(form):
+    strengths = {parameter.name: 0.3 for parameter in FORMS[form].strengths}
+    made = effect(form, **strengths)
+    x, v = jnp.asarray(1.1e-4), jnp.asarray(0.01)
+    slope = jax.grad(lambda at: made.force(TABLE_I.friction, at, v))(x)
+    step = 1e-8
+    difference = (made.force(TABLE_I.friction, x + step, v) - made.force(TABLE_I.friction, x - step, v)) / (
+        2 * step
+    )
+    assert float(slope) == pytest.approx(float(difference), rel=1e-6, abs=1e-9)
