@@ -41,9 +41,13 @@ def effect(name, **strengths):
     return FORMS[name](**(NUISANCES.get(name, {}) | strengths))
 
 
-def with_every_effect(drive, strengths):
-    """`drive` with every form of every effect; `strengths` is one number for each of STRENGTHS."""
+def with_every_effect(drive, strengths, *, but=()):
+    """`drive` with every form of every effect, `but` some; `strengths` is one number for each of STRENGTHS."""
     values = dict(zip(STRENGTHS, strengths, strict=True))
     return drive.with_effects(
-        *(effect(name, **{p: v for (form, p), v in values.items() if form == name}) for name in FORMS)
+        *(
+            effect(form, **{p: v for (f, p), v in values.items() if f == form})
+            for form in FORMS
+            if form not in but
+        )
     )
