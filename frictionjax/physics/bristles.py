@@ -2,15 +2,9 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from frictionjax.core.safe import sign
 from frictionjax.physics.effects.base import AbstractBristleEffect, AbstractEffect
-
-# An elasto-slip element slips gradually over the last part of its yield deflection: a corner that a step of
-# finite length can resolve. With yields spread over the bank the sum does not show it.
-_STICK = 0.7
-
 
 class Bristles(eqx.Module):
     """Parallel elements; element 0 is LuGre's bristle.
@@ -25,25 +19,46 @@ class Bristles(eqx.Module):
     slack: Float[Array, " n"]
 
     def rate(
-        self, v: Float[Array, ""], z: Float[Array, " n"], level: Float[Array, ""], sigma0: Float[Array, ""]
+        self,
+        v: Float[Array, ""],
+        z: Float[Array, " n"],
+        level: Float[Array, ""],
+        sigma0: Float[Array, ""],
+        h: Float[Array, ""],
     ) -> Float[Array, " n"]:
-        """dz/dt of every element, position/s, shape `(n,)`: v minus |v| times the part that slips.
+        """dz/dt of every element, position/s, at velocity `v`, deflections `z`, friction level `level` and stiffness
+        `sigma0`.
 
-        LuGre's bristle slips in proportion to its deflection, equation (2); an elasto-slip element does not slip
-        below its yield, nor when the velocity turns back.
-
-        **Arguments:**
-
-        - `v`: velocity, position/s.
-        - `z`: deflection of each element, position units, shape `(n,)`.
-        - `level`: steady-state friction level G, force.
-        - `sigma0`: stiffness of the whole bank, force/position.
+        LuGre's bristle slips in proportion to its deflection, equation (2). An elasto-slip element moves with the
+        machine up to its yield deflection; its rate is the mean over the next `h` s, because at the yield, whose level
+        changes with velocity, the rate of an instant would jump between 0 and v.
         """
-        direction = sign(v)
-        strain = sigma0 * z / (level * self.slack)
-        yielding = direction * jnp.maximum(direction * strain - _STICK, 0.0) / (1.0 - _STICK)
-        lugre = jnp.arange(z.shape[-1]) == 0
-        return v - jnp.abs(v) * jnp.where(lugre, strain, yielding)
+        limit = level * self.slack / sigma0
+        slip = v - jnp.abs(v) * z / limit
+        return jnp.where(self._lugre, slip, (jnp.clip(z + h * v, -limit, limit) - z) / h)
+
+    def after(
+        self,
+        z: Float[Array, " n"],
+        integrated: Float[Array, " n"],
+        travel: Float[Array, ""],
+        level: Float[Array, ""],
+        sigma0: Float[Array, ""],
+    ) -> Float[Array, " n"]:
+        """Deflections after a step.
+
+        An elasto-slip element that was at `z` has moved with the machine by `travel`, but not beyond its yield: exact,
+        however long the step. LuGre's bristle is where the integration of its rate put it (`integrated`).
+
+        **Arguments:** `z`, `integrated` (position units, shape `(n,)`), `travel` (position units), `level` (force),
+        `sigma0` (force/position).
+        """
+        limit = level * self.slack / sigma0
+        return jnp.where(self._lugre, integrated, jnp.clip(z + travel, -limit, limit))
+
+    @property
+    def _lugre(self) -> Bool[Array, " n"]:
+        return jnp.arange(self.share.shape[-1]) == 0
 
 
 def bristles_of(effects: tuple[AbstractEffect, ...]) -> Bristles:

@@ -68,7 +68,12 @@ class Drive(eqx.Module):
         return force
 
     def friction_force(
-        self, bristles: Bristles, x: Float[Array, ""], v: Float[Array, ""], z: Float[Array, " n"]
+        self,
+        bristles: Bristles,
+        x: Float[Array, ""],
+        v: Float[Array, ""],
+        z: Float[Array, " n"],
+        h: Float[Array, ""],
     ) -> tuple[Float[Array, ""], Float[Array, " n"]]:
         """Opposing force (1), with the effects, and the bristle rates (2), position/s, shape `(n,)`.
 
@@ -77,8 +82,9 @@ class Drive(eqx.Module):
         - `bristles`: from `bristles()`, made once per run.
         - `x`, `v`: position and velocity.
         - `z`: deflection of each bristle element, position units, shape `(n,)`.
+        - `h`: step, s, over which the rate of an elasto-slip element at its yield is the mean.
         """
-        rate = bristles.rate(v, z, self.level(x, v), self.friction.sigma0)
+        rate = bristles.rate(v, z, self.level(x, v), self.friction.sigma0, h)
         bristle = self.friction.sigma0 * jnp.sum(bristles.share * z) + self.friction.sigma1 * jnp.sum(
             bristles.share * rate
         )

@@ -61,7 +61,9 @@ def linearize(
             position, speed, elements = state[0], state[1], state[2:]
             # |v| = direction * v on this side of rest: an exact one-sided derivative, nothing is smoothed.
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
-            slip = bristles.rate(direction * jnp.ones(()), elements, level, drive.friction.sigma0)
+            slip = bristles.rate(
+                direction * jnp.ones(()), elements, level, drive.friction.sigma0, jnp.asarray(1e-12)
+            )
             rate = speed * direction * slip
             force = drive.friction.sigma0 * jnp.sum(bristles.share * elements)
             force = force + drive.friction.sigma1 * jnp.sum(bristles.share * rate)

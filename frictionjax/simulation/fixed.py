@@ -35,7 +35,7 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps):
     bristles = drive.bristles()
 
     def sample(state, force):
-        friction, _ = drive.friction_force(bristles, state.x, state.v, state.z)
+        friction, _ = drive.friction_force(bristles, state.x, state.v, state.z, dt)
         return advance(drive, bristles, state, force, dt, substeps), (state.x, state.v, state.z, friction)
 
     _, (x, v, z, friction) = jax.lax.scan(

@@ -19,6 +19,8 @@ from frictionjax.simulation.fixed import Trajectory, initial_state
 @eqx.filter_jit
 def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     bristles = drive.bristles()
+    # Elasto-slip elements return to their yield within this time, far below a sample; LuGre's bristle knows nothing of it.
+    instantly = 1e-3 * dt
     force = drive.applied_force(u, dt)
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
     # One unit of the scaled state is a bristle bent to break-away, and the speed of its free oscillation at that
@@ -29,7 +31,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     def field(instant, scaled, _):
         x, v, z = scaled[0] * bend, scaled[1] * speed, scaled[2:] * bend
         held = force[jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)]
-        opposing, rate = drive.friction_force(bristles, x, v, z)
+        opposing, rate = drive.friction_force(bristles, x, v, z, instantly)
         return jnp.concatenate([jnp.stack([v / bend, (held - opposing) / drive.J / speed]), rate / bend])
 
     start = initial_state(drive, x0, v0, z0)
@@ -56,7 +58,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         "If neither helps, the parameters of `drive` or the input `u` are not finite or not physical.",
     )
     x, v, z = scaled[:, 0] * bend, scaled[:, 1] * speed, scaled[:, 2:] * bend
-    friction = jax.vmap(lambda *state: drive.friction_force(bristles, *state)[0])(x, v, z)
+    friction = jax.vmap(lambda *state: drive.friction_force(bristles, *state, instantly)[0])(x, v, z)
     return Trajectory(t, x, v, z, friction)
 
 

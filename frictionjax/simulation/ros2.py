@@ -36,7 +36,7 @@ def ros2_step(
     gh = _GAMMA * h
 
     def opposing(x, v, z):
-        return drive.friction_force(bristles, x, v, z)
+        return drive.friction_force(bristles, x, v, z, h)
 
     x, v, z = state.x, state.v, state.z
     friction_now, rate_now = opposing(x, v, z)
@@ -58,17 +58,17 @@ def ros2_step(
         return right_x + gh * k_v, k_v, (right_z + gh * rate_v * k_v) * pivot_z
 
     k1_x, k1_v, k1_z = solve(v, (force - friction_now) / drive.J, rate_now)
-    x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
+    x1, v1 = x + h * k1_x, v + h * k1_v
+    level = drive.level(x1, v1)
+    z1 = bristles.after(z, z + h * k1_z, x1 - x, level, friction.sigma0)
     friction_1, rate_1 = opposing(x1, v1, z1)
     k2_x, k2_v, k2_z = solve(
         v1 - 2.0 * k1_x, (force - friction_1) / drive.J - 2.0 * k1_v, rate_1 - 2.0 * k1_z
     )
+    x2, v2 = x + h * (1.5 * k1_x + 0.5 * k2_x), v + h * (1.5 * k1_v + 0.5 * k2_v)
     limit = _BENT * bristles.slack * friction.Fs / friction.sigma0
-    return State(
-        x + h * (1.5 * k1_x + 0.5 * k2_x),
-        v + h * (1.5 * k1_v + 0.5 * k2_v),
-        jnp.clip(z + h * (1.5 * k1_z + 0.5 * k2_z), -limit, limit),
-    )
+    z2 = jnp.clip(z + h * (1.5 * k1_z + 0.5 * k2_z), -limit, limit)
+    return State(x2, v2, bristles.after(z, z2, x2 - x, level, friction.sigma0))
 
 
 def advance(

@@ -1,0 +1,113 @@
+"""Judge: what a model explains, on the recordings it was fitted to and on those kept aside."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.deflection import fit_deflections
+from frictionjax.estimation.fit import SLOW_BANDWIDTH
+from frictionjax.estimation.residuals import block_power
+from frictionjax.estimation.uncertainty import CLUSTER_BLOCKS
+from frictionjax.physics import Drive
+from frictionjax.simulation import innovation_gain, observer_gains
+
+
+class Scene(eqx.Module):
+    """All recordings of a case, as the judgement sees them.
+
+    **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the
+    observer (Hz), `floor` (power of the standardised innovations of a perfect model).
+    """
+
+    batch: Batch
+    held_out: np.ndarray
+    bandwidth: float = eqx.field(static=True)
+    floor: float = eqx.field(static=True)
+
+
+def make_scene(batch: Batch, held_out: np.ndarray) -> Scene:
+    """The scene of `batch`, whose recordings are held out where `held_out` (bool, shape `(r,)`) says so."""
+    dt = float(np.max(np.asarray(batch.dt)))
+    bandwidth = min(SLOW_BANDWIDTH, 0.1 / dt)
+    return Scene(batch, held_out, bandwidth, innovation_gain(bandwidth, dt) ** 2)
+
+
+class Judgement(eqx.Module):
+    """One model before all recordings.
+
+    **Attributes:** `drive`, `deflection` (starting deflections, shape `(r,)`), `e` (standardised innovations,
+    `(r, n)`), `power` (of each block, `(r, b)`), `loss` (log-likelihood loss of each cluster of 0.5 s, `(r, c)`),
+    `misfit_fit` and `misfit_holdout` (robust misfit per sample; 0 is noise).
+    """
+
+    drive: Drive
+    deflection: np.ndarray
+    e: np.ndarray
+    power: np.ndarray
+    loss: Float[np.ndarray, "r c"]
+    misfit_fit: float
+    misfit_holdout: float
+
+
+def judge(drive: Drive, scene: Scene) -> Judgement:
+    """Judge `drive` on every recording of the `scene`; only starting deflections are adapted."""
+    batch = scene.batch
+    gains = observer_gains(scene.bandwidth, batch.dt)
+    deflection, e = fit_deflections(drive, batch, gains, np.asarray(scene.floor))
+    power = np.nan_to_num(np.asarray(block_power(e, batch)), nan=1e30, posinf=1e30)
+    count = np.asarray(batch.block_count)
+    loss = 0.5 * count * np.log((power + scene.floor) / (2.0 * scene.floor))
+
+    def misfit(rows: np.ndarray) -> float:
+        return float(loss[rows].sum() / count[rows].sum()) if np.any(rows) else float("nan")
+
+    short = -loss.shape[1] % CLUSTER_BLOCKS
+    clusters = np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
+    return Judgement(
+        drive,
+        np.asarray(deflection),
+        np.asarray(e),
+        power,
+        clusters,
+        misfit(~scene.held_out),
+        misfit(scene.held_out),
+    )
+
+
+def explained(before: Judgement, after: Judgement) -> tuple[float, float]:
+    """Share of the misfit of `before` that `after` removes: on fit recordings and on held-out ones."""
+    return tuple(
+        1.0 - new / old if old > 0.0 else 0.0
+        for new, old in (
+            (after.misfit_fit, before.misfit_fit),
+            (after.misfit_holdout, before.misfit_holdout),
+        )
+    )
+
+
+def energy_explained(before: Judgement, after: Judgement, scene: Scene) -> tuple[float, float]:
+    """Share of the excess power that `after` removes, on fit and on held-out recordings.
+
+    Blocks above the 95 % quantile of `before` count as that quantile: a few impacts must not decide. Where
+    nothing is near the noise floor the logarithm of the likelihood is blind to this share.
+    """
+    shares = []
+    for rows in (~scene.held_out, scene.held_out):
+        scored = np.asarray(scene.batch.block_count)[rows] > 0
+        old, new = before.power[rows][scored], after.power[rows][scored]
+        cap = np.quantile(old, 0.95)
+        excess = np.mean(np.minimum(old, cap)) - scene.floor
+        shares.append(
+            float(1.0 - (np.mean(np.minimum(new, cap)) - scene.floor) / excess) if excess > 0 else 0.0
+        )
+    return shares[0], shares[1]
+
+
+def advantage(better: Judgement, other: Judgement, rows: np.ndarray) -> float:
+    """How many standard errors `better` leads `other` by, over the paired clusters of the recordings `rows`."""
+    lead = (other.loss - better.loss)[rows].ravel()
+    lead = lead[lead != 0.0]
+    if lead.size < 4:
+        return 0.0
+    return float(lead.sum() / (np.sqrt(lead.size) * max(float(lead.std()), 1e-300)))

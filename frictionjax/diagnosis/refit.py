@@ -1,0 +1,78 @@
+"""Refit: the short list of candidates, converged with all parameters free, and judged."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from frictionjax.diagnosis.judge import Judgement, Scene, energy_explained, explained, judge
+from frictionjax.diagnosis.name import Trial
+from frictionjax.estimation.fit import SLOW_BANDWIDTH, Problem, descend
+
+_KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
+
+
+class Refitted(eqx.Module):
+    """A candidate, refitted and judged.
+
+    **Attributes:** `trial`, `problem` (slow observer), `vector`, `judgement`, `share_fit`, `share_holdout` (share
+    of the present misfit explained), `energy_fit`, `energy_holdout` (share of the present excess power).
+    """
+
+    trial: Trial
+    problem: Problem
+    vector: Float[Array, " q"]
+    judgement: Judgement
+    share_fit: float
+    share_holdout: float
+    energy_fit: float
+    energy_holdout: float
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.trial.effect
+
+    @property
+    def worth(self) -> float:
+        """Sum of the explained shares: what the candidates are ranked by."""
+        return self.share_fit + self.share_holdout
+
+
+def short_list(trials: list[Trial], *, most: int, least_gain: float) -> list[Trial]:
+    """The trials worth refitting: the best trial of each form by actual gain, and the two best by linear gain.
+
+    **Arguments:**
+
+    - `trials`: all trials.
+    - `most`: how many forms at most.
+    - `least_gain`: actual gain below which nothing is refitted.
+    """
+    by_form: dict[tuple[str, str], Trial] = {}
+    for trial in sorted(trials, key=lambda t: -t.gain):
+        form = type(trial.drive.effects[-1]).__name__
+        by_form.setdefault((trial.effect, form), trial)
+    best = sorted(by_form.values(), key=lambda t: -t.gain)
+    if not best or best[0].gain < least_gain:
+        return []
+    kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
+    linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
+    return kept + [t for t in linear if t not in kept and t.gain > 0.25 * least_gain][: max(most - len(kept), 0)]
+
+
+def refit(trial: Trial, present: Judgement, scene: Scene) -> Refitted:
+    """Refit one trial from its one-step estimate: fast observer, then slow; then judge it against `present`.
+
+    **Arguments:**
+
+    - `trial`: the candidate.
+    - `present`: judgement of the model without it.
+    - `scene`: all recordings.
+    """
+    vector, _, _ = descend(trial.problem, trial.vector, graduate=False, rounds=2)
+    slow = trial.problem.at_bandwidth(SLOW_BANDWIDTH)
+    vector, _, _ = descend(slow, vector, graduate=False, rounds=3)
+    judgement = judge(slow.drive(vector), scene)
+    share_fit, share_holdout = explained(present, judgement)
+    energy_fit, energy_holdout = energy_explained(present, judgement, scene)
+    return Refitted(
+        trial, slow, vector, judgement, share_fit, share_holdout, energy_fit, energy_holdout
+    )
