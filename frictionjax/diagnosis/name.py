@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import chi2
 
-from frictionjax.estimation.fit import Problem, make_problem
+from frictionjax.estimation.fit import Problem, extend_problem
 from frictionjax.estimation.least_squares import predicted_errors
 from frictionjax.estimation.residuals import block_power, mismatch, weights
 from frictionjax.estimation.uncertainty import cluster_gradients
@@ -125,19 +125,9 @@ def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, flo
 
     One `Trial` per set of finite steps (a strength with several probe sizes gives several).
     """
-    fitted = present.problem.drive(present.vector)
-    drive = fitted.with_effects(instance)
-    setting = present.problem.setting
-    extended, start = make_problem(
-        drive,
-        setting.batch,
-        scales=scales,
-        known_inertia=all(free.path != "J" for free in present.problem.layout),
-    )
+    extended, vector, drive = extend_problem(present.problem, present.vector, instance, scales)
+    setting = extended.setting
     count, old = len(extended.layout), len(present.problem.layout)
-    setting = eqx.tree_at(lambda s: s.gains, extended.setting, setting.gains)
-    extended = Problem(extended.layout, setting, present.problem.floor)
-    vector = start.at[count:].set(present.vector[old:])
 
     # A parameter of the present model sits at the same place; those of the new effect follow it.
     names = [strength.name for strength in instance.strengths]

@@ -21,6 +21,7 @@ from frictionjax.estimation.parameters import (
 from frictionjax.estimation.residuals import block_power, mismatch, weights
 from frictionjax.estimation.uncertainty import estimates, normal_equations, sandwich
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 
@@ -101,6 +102,46 @@ def make_problem(
     gains = observer_gains(bandwidth, batch.dt)
     problem = Problem(layout, Setting(drive, batch, gains, batch.valid, start, prior), 1.0)
     return problem.at_bandwidth(bandwidth), start
+
+
+def extend_problem(
+    present: Problem, vector: Float[Array, " q"], effect: AbstractEffect, scales: dict[str, float]
+) -> tuple[Problem, Float[Array, " q"], Drive]:
+    """The problem of `present` with `effect` added, at the solution `vector`.
+
+    Ranges, prior and observer stay those of `present`, so that the same vector gives the same misfit.
+
+    **Arguments:**
+
+    - `present`: the fitted problem.
+    - `vector`: its solution, shape `(q,)`.
+    - `effect`: the effect to add, at zero strength.
+    - `scales`: the plant's own sizes by name.
+
+    **Returns:**
+
+    The problem, its vector (shape `(q + k,)`: the k parameters of the effect stand before the starting
+    deflections), and the drive.
+    """
+    old = len(present.layout)
+    drive = present.drive(vector).with_effects(effect)
+    added = effect_layout(drive, scales, first=len(drive.effects) - 1)
+    start = pack(added, drive)
+    deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in added]
+
+    def insert(values, more):
+        return jnp.concatenate([values[:old], more, values[old:]])
+
+    setting = present.setting
+    setting = Setting(
+        drive,
+        setting.batch,
+        setting.gains,
+        setting.weight,
+        insert(setting.start, start),
+        insert(setting.prior, 1.0 / jnp.asarray(deviation)),
+    )
+    return Problem(present.layout + added, setting, present.floor), insert(vector, start), drive
 
 
 def descend(

@@ -72,10 +72,11 @@ def base_layout(drive: Drive, dt: float, *, known_inertia: bool = False) -> tupl
     return inertia + tuple(friction)
 
 
-def effect_layout(drive: Drive, scales: dict[str, float]) -> tuple[Free, ...]:
-    """The free parameters of the effects of `drive`; `scales` gives the plant's own sizes by name."""
+def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> tuple[Free, ...]:
+    """The free parameters of the effects of `drive`, from effect number `first` on; `scales` gives the plant's own
+    sizes by name."""
     layout = []
-    for index, effect in enumerate(drive.effects):
+    for index, effect in enumerate(drive.effects[first:], start=first):
         for parameter in effect.strengths + effect.nuisances:
             if parameter.transform != "none":
                 scale = 1.0

@@ -1,0 +1,123 @@
+"""What base and extended model say of every recording: free run, 0.1 s ahead, residual force."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from frictionjax.diagnosis.judge import Judgement, Scene
+from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.physics import Drive
+from frictionjax.recordings import Recording
+from frictionjax.simulation import (
+    Gains,
+    observe,
+    observer_gains,
+    predict_ahead,
+    residual_force,
+    residual_force_std,
+    simulate,
+)
+
+_AHEAD = 0.1  # s
+_FORCE_BANDWIDTH = 25.0  # Hz
+
+
+class View(eqx.Module):
+    """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`,
+    and the observer's `x`, `v` and `bend` (largest |z| over its yield)."""
+
+    free: np.ndarray
+    ahead: np.ndarray
+    force: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    bend: np.ndarray
+
+
+@eqx.filter_jit
+def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
+    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, x_first):
+        force = drive.applied_force(u, dt)
+        own = Gains(position_gain, velocity_gain)
+        start = (x0, v0, z0)
+        # The free run knows the first sample alone.
+        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2).x
+        ahead = predict_ahead(drive, force, x, dt, own, start, horizon=horizon, stride=stride)
+        seen = observe(drive, force, x, dt, own, start)
+        missing = residual_force(drive, force, x, dt, bandwidth, start)
+        bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
+        return free, ahead, missing, seen.x, seen.v, bend
+
+    z0 = deflection * drive.friction.Fs / drive.friction.sigma0
+    return jax.vmap(one)(
+        batch.u, batch.x, batch.dt, gains.position, gains.velocity, batch.x0, batch.v0, z0, first
+    )
+
+
+def view(judgement: Judgement, scene: Scene) -> View:
+    """See all recordings of the `scene` through the model of the `judgement`."""
+    batch = scene.batch
+    gains = observer_gains(scene.bandwidth, batch.dt)
+    slowest = float(np.max(np.asarray(batch.dt)))
+    horizon = max(round(_AHEAD / slowest), 1)
+    parts = _view(
+        judgement.drive,
+        batch,
+        gains,
+        jnp.asarray(judgement.deflection),
+        batch.x[:, 0],
+        jnp.asarray(min(_FORCE_BANDWIDTH, 0.05 / slowest)),
+        horizon,
+        max(horizon // 40, 1),
+    )
+    return View(*(np.asarray(part) for part in parts))
+
+
+def _rmse(model: np.ndarray, measured: np.ndarray) -> float:
+    value = float(np.sqrt(np.mean((model - measured) ** 2)))
+    return value if np.isfinite(value) else float("inf")
+
+
+def recording_fits(
+    recordings: tuple[Recording, ...], scene: Scene, base: View, extended: View, base_drive: Drive
+) -> tuple[RecordingFit, ...]:
+    """One `RecordingFit` per recording.
+
+    **Arguments:**
+
+    - `recordings`: in the order of the scene.
+    - `scene`: the recordings side by side.
+    - `base`, `extended`: the two models' views.
+    - `base_drive`: for the standard deviation of the residual force.
+    """
+    fits = []
+    for row, recording in enumerate(recordings):
+        n = recording.x.size
+        noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
+        slowest = float(np.max(np.asarray(scene.batch.dt)))
+        std = residual_force_std(noise, float(base_drive.J), dt, min(_FORCE_BANDWIDTH, 0.05 / slowest))
+        # Nothing is predicted before the first horizon has passed.
+        judged = slice(max(round(_AHEAD / slowest), 1), n)
+        fits.append(
+            RecordingFit(
+                name=recording.name,
+                role=recording.role,
+                t=recording.t,
+                u=recording.u,
+                x=recording.x,
+                free_base=base.free[row, :n],
+                free_extended=extended.free[row, :n],
+                predicted_base=base.ahead[row, :n],
+                predicted_extended=extended.ahead[row, :n],
+                residual_force=base.force[row, :n],
+                residual_force_extended=extended.force[row, :n],
+                residual_force_std=np.full(n, std),
+                noise_floor=noise,
+                free_run_rmse_base=_rmse(base.free[row, :n], recording.x),
+                free_run_rmse_extended=_rmse(extended.free[row, :n], recording.x),
+                prediction_rmse_base=_rmse(base.ahead[row, judged], recording.x[judged]),
+                prediction_rmse_extended=_rmse(extended.ahead[row, judged], recording.x[judged]),
+            )
+        )
+    return tuple(fits)

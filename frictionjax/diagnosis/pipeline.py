@@ -1,0 +1,253 @@
+"""`diagnose`: from a case to a verdict; strings the steps together."""
+
+import os
+import time
+from concurrent.futures import Executor, ThreadPoolExecutor
+
+import numpy as np
+
+from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
+from frictionjax.core.compile_time import CompileClock
+from frictionjax.diagnosis.evaluate import View, recording_fits, view
+from frictionjax.diagnosis.judge import Judgement, Scene, explained, make_scene
+from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
+from frictionjax.diagnosis.select import (
+    ADEQUATE_MISFIT,
+    LEAST_SHARE,
+    SIGNIFICANCE,
+    Step,
+    acceptable,
+    effect_p_values,
+    select,
+)
+from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained
+from frictionjax.diagnosis.words import summary_sentence
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.fit import FitResult, finish, fit
+from frictionjax.estimation.start import starting_values
+from frictionjax.physics.effects import catalogue
+from frictionjax.recordings import Case, Plant
+
+
+def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
+    """Locate the mismatch between the recordings and the base model, name what is missing, and verify it.
+
+    **Arguments:**
+
+    - `case`: plant and recordings; at least one recording must be held out.
+    - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits side by side. None: a
+      thread for each core of this machine.
+    - `progress`: called with the stage and the fraction done.
+
+    **Returns:**
+
+    A `Diagnosis`.
+
+    **Raises:**
+
+    `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
+    """
+    require_x64()
+    _check(case)
+    own = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
+    try:
+        return _diagnose(case, own or executor, progress)  # type: ignore[arg-type]
+    finally:
+        if own is not None:
+            own.shutdown(cancel_futures=True)
+
+
+def _check(case: Case) -> None:
+    if any(recording.drive == "motion" for recording in case.recordings):
+        names = ", ".join(r.name for r in case.recordings if r.drive == "motion")
+        raise InputError(
+            f'recordings with drive = "motion" ({names}) are read, but not diagnosed yet',
+            file=case.name,
+            cure="leave them out of the case; recordings of input and position can be diagnosed",
+        )
+    if not case.fit_recordings or not case.holdout_recordings:
+        raise InputError(
+            "a diagnosis needs recordings to fit and at least one kept aside",
+            file=case.name,
+            cure='give one recording role = "holdout": it decides whether a name holds',
+        )
+
+
+def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
+    clock, compiling = _Stages(), CompileClock()
+    plant = case.plant
+    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
+    progress("starting values", 0.0)
+    start = starting_values(
+        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
+    )
+    clock.stage("start")
+    base = fit(
+        start.drives,
+        case.fit_recordings,
+        encoder_step=plant.encoder_step,
+        known_inertia=plant.inertia is not None,
+        units=units,
+        progress=lambda stage, done: progress(stage, 0.02 + 0.28 * done),
+    )
+    clock.stage("base fit")
+    recordings = case.fit_recordings + case.holdout_recordings
+    batch = make_batch(recordings, encoder_step=plant.encoder_step)
+    scene = make_scene(batch, np.array([r.role == "holdout" for r in recordings]))
+    steps = select(
+        base.problem, base.vector, scene, executor, lambda stage, done: progress(stage, 0.3 + 0.55 * done)
+    )
+    clock.stage("naming")
+    progress("judging on every recording", 0.86)
+    accepted = [step.accepted for step in steps if step.accepted is not None]
+    first = steps[0].before
+    last = accepted[-1].judgement if accepted else first
+    base_view = view(first, scene)
+    extended_view = view(last, scene) if accepted else base_view
+    progress("locating", 0.95)
+    bins = _map(first, last, base_view, base, plant, scene)
+    extended = (
+        finish(accepted[-1].problem, accepted[-1].vector, True, units).parameters if accepted else base.parameters
+    )
+    missing = _missing(steps, extended, where_words(bins))
+    verdict, unexplained = _verdict(first, last, steps, bins)
+    fits = recording_fits(recordings, scene, base_view, extended_view, base.drive)
+    clock.stage("judging")
+    return Diagnosis(
+        case=case.name,
+        plant=plant,
+        verdict=verdict,
+        summary=summary_sentence(verdict, missing, unexplained, where_words(bins), fits),
+        missing=missing,
+        unexplained=unexplained,
+        mismatch=bins,
+        base=base.parameters,
+        extended=extended,
+        recordings=fits,
+        candidates=_candidates(steps, units),
+        warnings=_warnings(case, base, start.notes),
+        seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
+    )
+
+
+class _Stages:
+    """Wall-clock time of the stages, s."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def stage(self, name: str) -> None:
+        now = time.perf_counter()
+        self.seconds[name] = round(now - self._last, 2)
+        self._last = now
+
+    @property
+    def total(self) -> float:
+        return time.perf_counter() - self._start
+
+
+def _map(first: Judgement, last: Judgement, seen: View, base: FitResult, plant: Plant, scene: Scene):
+    motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
+    return mismatch_map(first, last, axes_of(motion, base.drive, plant, scene), scene)
+
+
+def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tuple[str, Unexplained]:
+    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
+    explains enough of the whole; else `unknown`."""
+    worst = max(first.misfit_fit, first.misfit_holdout)
+    if worst < ADEQUATE_MISFIT and not any(step.accepted for step in steps):
+        return "adequate", Unexplained(False, 0.0, "")
+    share_fit, share_holdout = explained(first, last)
+    left = float(np.clip(1.0 - min(share_fit, share_holdout), 0.0, 1.0))
+    remains = max(last.misfit_fit, last.misfit_holdout) > 2.0 * ADEQUATE_MISFIT
+    regime = max(
+        (b for b in bins if b.axis == "regime"), key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None
+    )
+    where = regime.bin if regime is not None and remains else ""
+    if steps and steps[0].accepted is not None and min(share_fit, share_holdout) > LEAST_SHARE:
+        return "named", Unexplained(bool(remains), left, where)
+    place = strongest(bins, "regime")
+    return "unknown", Unexplained(True, left, where or (place.bin if place else ""))
+
+
+def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tuple[MissingEffect, ...]:
+    missing = []
+    for step in steps:
+        found = step.accepted
+        if found is None:
+            continue
+        effect = found.trial.drive.effects[-1]
+        labels = {p.name for p in effect.strengths + effect.nuisances}
+        members = (found.effect, *step.rivals)
+        missing.append(
+            MissingEffect(
+                effect=found.effect,
+                effect_class=members,
+                # Not yet a calibrated probability: the smaller share explained, divided among the class.
+                confidence=round(float(np.clip(min(found.share_fit, found.share_holdout), 0.0, 0.99)), 3)
+                / len(members),
+                p_value=effect_p_values(step.trials)[found.effect],
+                parameters={k: v for k, v in extended.items() if k in labels},
+                where=where,
+                split_by=effect.about.split_by if len(members) > 1 else "",
+                sentence=effect.about.sentence,
+            )
+        )
+    return tuple(missing)
+
+
+def _candidates(steps: list[Step], units: dict[str, str]) -> tuple[Candidate, ...]:
+    """One row per effect: from the first round, and from the round in which it was accepted."""
+    result = []
+    forms = catalogue()
+    for name in forms:
+        rounds = [step for step in steps if any(t.effect == name for t in step.trials)]
+        named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
+        step = named or (rounds[0] if rounds else None)
+        if step is None:
+            result.append(Candidate(name, float("nan"), {}, False, "the recordings hold no motion that would show it"))
+            continue
+        trial = max((t for t in step.trials if t.effect == name), key=lambda t: t.gain)
+        p_value = effect_p_values(step.trials)[name]
+        refits = [r for r in step.refits if r.effect == name]
+        best = max(refits, key=lambda r: r.worth, default=None)
+        if named is not None:
+            reason = "named"
+        elif best is not None:
+            reason = acceptable(best, step.before, p_value)[1] or "another effect explains the same better"
+        else:
+            reason = "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
+        result.append(
+            Candidate(
+                effect=name,
+                p_value=p_value,
+                minimum_detectable=trial.detectable,
+                tested=True,
+                reason=reason,
+                gain_fit=best.share_fit if best else float("nan"),
+                gain_holdout=best.share_holdout if best else float("nan"),
+                one_step=trial.one_step,
+                units={p.name: _unit(p.unit, units) for f in forms[name] for p in f.strengths},
+            )
+        )
+    return tuple(sorted(result, key=lambda c: (c.reason != "named", c.p_value)))
+
+
+def _unit(pattern: str, units: dict[str, str]) -> str:
+    for name, text in units.items():
+        pattern = pattern.replace("{" + name + "}", text)
+    return pattern
+
+
+def _warnings(case: Case, base: FitResult, notes: tuple[str, ...]) -> tuple[str, ...]:
+    warnings = [f"{r.name}: {text}" for r in case.recordings for text in r.warnings]
+    warnings += list(notes)
+    vague = [name for name, estimate in base.parameters.items() if not estimate.identified]
+    if vague:
+        warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
+    if not base.success or "range" in base.message:
+        warnings.append(f"Base fit: {base.message}")
+    if case.plant.motor_constant is None:
+        warnings.append("The motor constant is unknown: every force is per input unit.")
+    return tuple(dict.fromkeys(warnings))
