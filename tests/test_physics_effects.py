@@ -57,6 +57,7 @@ def test_arguments_of_the_constructors_become_arrays():
 
 
 FC, FS, VS, S0, S2 = 1.0, 1.5, 1e-3, 1e5, 0.4
+H = jnp.asarray(1e-4)
 
 
 def _level(v):
@@ -116,7 +117,7 @@ def test_force_of_steady_sliding_is_the_closed_form(form):
 
     def sliding(x, v):
         z = jnp.sign(v) * drive.level(x, v) * bristles.slack / S0
-        return drive.friction_force(bristles, x, v, z)
+        return drive.friction_force(bristles, x, v, z, H)
 
     x, v = (grid.ravel() for grid in np.meshgrid([-6e-4, 0.0, 2.3e-4, 9e-4], [-0.05, -1e-3, 4e-4, 1e-3, 0.2]))
     force, rate = jax.jit(jax.vmap(sliding))(x, v)
@@ -138,7 +139,7 @@ def test_direction_asymmetry_makes_two_levels_and_no_force_at_rest():
     zero = jnp.zeros(())
     left, right = (float(drive.level(zero, jnp.asarray(v))) for v in (-0.1, 0.1))
     assert (left, right) == (pytest.approx(0.8, rel=1e-9), pytest.approx(1.2, rel=1e-9))
-    force, rate = drive.friction_force(drive.bristles(), zero, zero, jnp.zeros(1))
+    force, rate = drive.friction_force(drive.bristles(), zero, zero, jnp.zeros(1), H)
     assert float(force) == 0.0 and float(rate[0]) == 0.0
 
 
@@ -165,7 +166,7 @@ def test_effects_batch(form):
         drive = TABLE_I.with_effects(made)
         z = 8e-6 * jnp.ones(drive.bristle_count)
         x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
-        return drive.applied_force(u, dt), drive.friction_force(drive.bristles(), x, v, z)
+        return drive.applied_force(u, dt), drive.friction_force(drive.bristles(), x, v, z, H)
 
     def make(value):
         return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))

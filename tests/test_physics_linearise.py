@@ -49,13 +49,13 @@ STRONG = [0.05, 1e-4, 0.1, 0.2, 1e-4, 0.4, 0.1, -0.1, 0.1, 0.2, 300.0, 0.02, 0.0
 def test_each_side_agrees_with_one_sided_differences(plant, side):
     drive = TABLE_I if plant == "base" else with_every_effect(TABLE_I, STRONG)
     n = drive.bristle_count
-    x, z = 3e-5, 4e-6 * (1.0 + 0.1 * np.arange(n))
+    x, z = 3e-5, 0.4 * 1.5e-5 * np.asarray(drive.bristles().slack)
     linear = linearize(drive, x=x, z=jnp.asarray(z))
     bristles = drive.bristles()
 
     def field(state):
         position, speed, deflection = (jnp.asarray(part) for part in (state[0], state[1], state[2:]))
-        force, rate = drive.friction_force(bristles, position, speed, deflection)
+        force, rate = drive.friction_force(bristles, position, speed, deflection, jnp.asarray(1e-9))
         return np.concatenate([[state[1], -float(force / drive.J)], rate])
 
     rest = np.concatenate([[x, 0.0], z])

@@ -6,6 +6,7 @@ from jaxtyping import Array, Bool, Float
 
 from frictionjax.physics.effects.base import AbstractBristleEffect, AbstractEffect
 
+
 class Bristles(eqx.Module):
     """Parallel elements; element 0 is LuGre's bristle.
 
@@ -26,16 +27,23 @@ class Bristles(eqx.Module):
         sigma0: Float[Array, ""],
         h: Float[Array, ""],
     ) -> Float[Array, " n"]:
-        """dz/dt of every element, position/s, at velocity `v`, deflections `z`, friction level `level` and stiffness
-        `sigma0`.
+        """dz/dt of every element, position/s, shape `(n,)`.
 
         LuGre's bristle slips in proportion to its deflection, equation (2). An elasto-slip element moves with the
         machine up to its yield deflection; its rate is the mean over the next `h` s, because at the yield, whose level
         changes with velocity, the rate of an instant would jump between 0 and v.
+
+        **Arguments:**
+
+        - `v`: velocity, position/s.
+        - `z`: deflection of each element, position units, shape `(n,)`.
+        - `level`: steady-state friction level G, force.
+        - `sigma0`: stiffness of the whole bank, force/position.
+        - `h`: time over which an elasto-slip element's rate is the mean, s.
         """
         limit = level * self.slack / sigma0
         slip = v - jnp.abs(v) * z / limit
-        return jnp.where(self._lugre, slip, (jnp.clip(z + h * v, -limit, limit) - z) / h)
+        return jnp.where(self._lugre, slip, jnp.clip(v, (-limit - z) / h, (limit - z) / h))
 
     def after(
         self,

@@ -19,7 +19,7 @@ from frictionjax.simulation.fixed import Trajectory, initial_state
 @eqx.filter_jit
 def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     bristles = drive.bristles()
-    # Elasto-slip elements return to their yield within this time, far below a sample; LuGre's bristle knows nothing of it.
+    # Elasto-slip elements return to their yield within this time, far below a sample; LuGre's bristle ignores it.
     instantly = 1e-3 * dt
     force = drive.applied_force(u, dt)
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt

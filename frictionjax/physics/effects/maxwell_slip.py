@@ -15,8 +15,9 @@ class MaxwellSlip(AbstractBristleEffect):
     """Part of the bristle stiffness is carried by parallel elements that stick, then slip at their own deflection.
 
     The yield deflections follow a Weibull distribution of mean Fs/sigma0 and exponent `shape`: with shape 1 the
-    virgin curve is LuGre's own (exponential) and only the memory at reversals differs; a larger shape means
-    elements that yield together. Stiffness at the origin and sliding level stay those of the base model.
+    virgin curve is LuGre's own (an exponential, here a polygon of `count` sides) and only the memory at reversals
+    differs; a larger shape means elements that yield together. Stiffness at the origin and sliding level stay those
+    of the base model.
 
     **Arguments:**
 

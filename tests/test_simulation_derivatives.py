@@ -1,0 +1,120 @@
+"""Derivatives of a run, by forward and reverse mode, against finite differences; and what a zero strength does."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_plants import FORMS, STRENGTHS, TABLE_I, effect, with_every_effect
+
+from frictionjax.physics import Drive, LuGre
+from frictionjax.simulation import simulate
+
+RATE, N = 2000.0, 240
+T = np.arange(N) / RATE
+NAMES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
+TRUTH = np.array([1.0, 1e5, 1e5**0.5, 0.4, 1.0, 1.5, 1e-3])
+U = 1.5 * np.where(T < 0.06, 0.8 * np.sin(2 * np.pi * 50.0 * T), 2.5 * np.sin(2 * np.pi * 25.0 * T))
+"""Presliding first, then sliding in both directions."""
+
+
+@eqx.filter_jit
+def _position(logs, u):
+    J, *friction = jnp.exp(logs) * TRUTH
+    return simulate(Drive(J, LuGre(*friction)), u, RATE).x
+
+
+WEIGHTS = np.cos(0.1 * np.arange(N))
+_forward = jax.jit(jax.jacfwd(_position))
+_reverse = jax.jit(jax.grad(lambda logs, u: WEIGHTS @ _position(logs, u)))
+
+
+def _close(derivative, difference, tolerance):
+    scale = np.max(np.abs(difference), axis=0)
+    np.testing.assert_array_less(np.max(np.abs(derivative - difference), axis=0), tolerance * scale)
+
+
+def test_forward_derivatives_agree_with_central_differences():
+    """Of the position, by the logarithm of each parameter; fourth-order differences."""
+    forward = _forward(jnp.zeros(7), U)
+    assert bool(jnp.all(jnp.isfinite(forward)))
+    step = 3e-4
+    around = step * jnp.concatenate([k * jnp.eye(7) for k in (-2, -1, 1, 2)])
+    low2, low, high, high2 = jax.vmap(_position, (0, None))(around, U).reshape(4, 7, N)
+    difference = (8.0 * (high - low) - (high2 - low2)) / (12.0 * step)
+    _close(forward, np.asarray(difference).T, 1e-6)
+
+
+def test_reverse_agrees_with_forward():
+    reverse = _reverse(jnp.zeros(7), U)
+    np.testing.assert_allclose(reverse, WEIGHTS @ _forward(jnp.zeros(7), U), rtol=1e-9)
+
+
+def test_derivatives_at_rest_are_zero_by_both_modes():
+    """v = 0 exactly, at the corner of |v|: nothing moves, whatever the parameters, and nothing is NaN."""
+    for derivative in (_forward, _reverse):
+        assert not np.any(derivative(jnp.zeros(7), jnp.zeros(N)))
+
+
+UNITS = np.array([1e-2, 1e-5, 1e-2, 1e-2, 1e-5, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 30.0, 1e-2, 1e-2, 1e-2])
+"""A small value of each of STRENGTHS, for scale."""
+ZERO = jnp.zeros(len(STRENGTHS))
+ONE_SIDED = ("delay", "time_constant", "share")
+
+
+@eqx.filter_jit
+def _with_strengths(relative, u):
+    return simulate(with_every_effect(TABLE_I, relative * UNITS), u, RATE).x
+
+
+_forward_strengths = jax.jit(jax.jacfwd(_with_strengths))
+
+
+def test_zero_strengths_are_the_base_model_to_the_last_bits():
+    base = simulate(TABLE_I, U, RATE)
+    every = _with_strengths(ZERO, U)
+    np.testing.assert_allclose(every, base.x, rtol=0, atol=1e-14 * float(jnp.ptp(base.x)))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_effect_of_zero_strength_changes_no_bit(form):
+    drive = TABLE_I.with_effects(effect(form))
+    x, v, dt = jnp.asarray(1.3e-4), jnp.asarray(-7e-4), jnp.asarray(5e-4)
+    u = jnp.asarray(U)
+    np.testing.assert_array_equal(drive.applied_force(u, dt), TABLE_I.applied_force(u, dt))
+    assert float(drive.level(x, v)) == float(TABLE_I.level(x, v))
+    assert float(drive.parallel_force(x, v)) == float(TABLE_I.parallel_force(x, v))
+    assert float(drive.bristles().share[0]) == 1.0
+
+
+def test_strengths_have_derivatives_at_rest():
+    """Only a constant load moves a drive at rest; the others have the derivative zero there, not NaN."""
+    at_rest = np.asarray(_forward_strengths(ZERO, jnp.zeros(N)))
+    assert np.all(np.isfinite(at_rest))
+    moving = [name for (_, name), slope in zip(STRENGTHS, at_rest.T, strict=True) if np.any(slope)]
+    assert moving == ["load", "cosine"]  # and a cogging that does not vanish at x = 0
+
+
+@pytest.mark.slow
+def test_strengths_have_reverse_derivatives_at_rest():
+    gradient = jax.grad(lambda strengths: _with_strengths(strengths, jnp.zeros(N))[-1])(ZERO)
+    assert bool(jnp.all(jnp.isfinite(gradient)))
+
+
+@pytest.fixture(scope="module")
+def slopes():
+    """Derivative of the position by each strength at zero, and the same by differences."""
+    forward = np.asarray(_forward_strengths(ZERO, U)).T
+    step, one = 1e-3, np.eye(len(STRENGTHS))
+    around = step * np.concatenate([one, 2 * one, -one, 0 * one])
+    moved = np.asarray(jax.vmap(_with_strengths, (0, None))(around, U))
+    ahead, further, behind, base = moved.reshape(4, len(STRENGTHS), N)
+    return forward, (ahead - behind) / (2 * step), (4.0 * ahead - further - 3.0 * base) / (2 * step)
+
+
+@pytest.mark.parametrize(("index", "name"), list(enumerate(STRENGTHS)))
+def test_each_strength_has_a_derivative_at_zero(slopes, index, name):
+    forward, central, one_sided = (rows[index] for rows in slopes)
+    assert np.all(np.isfinite(forward))
+    assert np.max(np.abs(forward)) > 0.0
+    _close(forward, one_sided if name[1] in ONE_SIDED else central, 1e-3)

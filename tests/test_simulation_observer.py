@@ -1,0 +1,118 @@
+"""The observer: its innovation under the true model, and its way back from a wrong start."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_plants import STAGE, TABLE_I
+
+from frictionjax.simulation import innovation_gain, innovations, observe, observer_gains, simulate
+
+observe, innovations = eqx.filter_jit(observe), eqx.filter_jit(innovations)
+
+RATE, N = 2000.0, 8000
+DT = jnp.asarray(1.0 / RATE)
+ZERO = (jnp.zeros(()),) * 3
+
+
+def test_gains_put_a_double_pole():
+    gains = observer_gains(100.0, 1.0 / RATE)
+    pole = np.exp(-2 * np.pi * 100.0 / RATE)
+    # Free mass: error dynamics [[1 - l1, dt], [-l2, 1]] up to the order of correction and step.
+    l1, l2 = float(gains.position), float(gains.velocity)
+    step = np.array([[1.0, 1.0 / RATE], [0.0, 1.0]]) @ np.array([[1.0 - l1, 0.0], [-l2, 1.0]])
+    np.testing.assert_allclose(np.linalg.eigvals(step), pole, atol=1e-7)
+
+
+def test_innovation_gain_is_the_norm_of_its_impulse_response():
+    p = np.exp(-2 * np.pi * 80.0 / RATE)
+    impulse = np.zeros(4000)
+    impulse[0] = 1.0
+    response = impulse.copy()
+    for k in range(4000):  # (1 - p q)^2 e = (1 - q)^2 w
+        past = [(impulse[k - j], response[k - j]) if k >= j else (0.0, 0.0) for j in (1, 2)]
+        response[k] = impulse[k] - 2 * past[0][0] + past[1][0] + 2 * p * past[0][1] - p * p * past[1][1]
+    assert innovation_gain(80.0, 1.0 / RATE) == pytest.approx(np.sqrt(np.sum(response**2)), rel=1e-6)
+    assert innovation_gain(1e-3, 1.0 / RATE) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    """The stage in motion: a force well above break-away that changes slowly, started at its steady speed."""
+    t = np.arange(N) / RATE
+    u = (1.0 + 1.3 + 0.15 * np.sin(2 * np.pi * 1.0 * t)) * float(STAGE.friction.Fc / STAGE.motor_constant)
+    run = simulate(STAGE, u, RATE, v0=0.5, z0=float(STAGE.friction.Fc / STAGE.friction.sigma0), substeps=1)
+    return STAGE.applied_force(jnp.asarray(u), DT), run
+
+
+def _start(run):
+    return run.x[0], run.v[0], run.z[0, 0]
+
+
+def test_with_the_true_model_and_no_noise_there_is_nothing_to_correct(sliding):
+    force, run = sliding
+    seen = observe(STAGE, force, run.x, DT, observer_gains(100.0, DT), _start(run))
+    assert float(jnp.max(jnp.abs(seen.innovation))) < 1e-14
+    np.testing.assert_allclose(seen.v, run.v, rtol=1e-9)
+
+
+@pytest.mark.parametrize("bandwidth", [40.0, 150.0])
+def test_innovation_of_white_noise_is_the_gain_times_the_noise(sliding, bandwidth):
+    force, run = sliding
+    noise = 2e-7 * np.random.default_rng(3).normal(size=N)
+    found = np.asarray(
+        innovations(STAGE, force, run.x + noise, DT, observer_gains(bandwidth, DT), _start(run))
+    )
+    ratio = np.sqrt(np.mean(found**2)) / 2e-7
+    # Standard error of a mean square over correlated samples, from their own autocorrelation.
+    correlation = np.correlate(found, found, "full")[N - 1 : N + 199] / np.sum(found**2)
+    effective = N / (1.0 + 2.0 * np.sum(correlation[1:] ** 2))
+    stderr = ratio / np.sqrt(2.0 * effective)
+    assert abs(ratio - innovation_gain(bandwidth, 1.0 / RATE)) < 3.0 * stderr
+    assert stderr < 0.02 * ratio
+
+
+def test_innovations_are_those_of_observe(sliding):
+    force, run = sliding
+    noisy = run.x + 1e-6 * np.sin(np.arange(N))
+    gains = observer_gains(100.0, DT)
+    seen = observe(STAGE, force, noisy, DT, gains, _start(run), substeps=2)
+    alone = innovations(STAGE, force, noisy, DT, gains, _start(run), substeps=2)
+    np.testing.assert_allclose(alone, seen.innovation, atol=1e-18)
+    np.testing.assert_allclose(seen.innovation, noisy - seen.x, atol=1e-18)
+
+
+def test_a_wrong_initial_velocity_is_forgotten(sliding):
+    force, run = sliding
+    x0, v0, z0 = _start(run)
+    seen = observe(STAGE, force, run.x, DT, observer_gains(100.0, DT), (x0, v0 - 0.3, z0))
+    error = np.abs(np.asarray(seen.v - run.v))
+    assert error[0] == pytest.approx(0.3)
+    assert error[50] < 1e-3  # eight time constants of the pole
+    assert error[400] < 1e-8
+
+
+def test_a_wrong_bristle_in_stick_is_forgotten():
+    """A drive held in presliding by noise: the bristle is corrected with the machine."""
+    u = 0.3 * np.random.default_rng(5).normal(size=2000)
+    run = simulate(TABLE_I, u, RATE, substeps=1)
+    seen = observe(
+        TABLE_I, jnp.asarray(u), run.x, DT, observer_gains(100.0, DT), (*ZERO[:2], jnp.asarray(3e-6))
+    )
+    assert float(jnp.max(jnp.abs(seen.innovation[-500:]))) < 0.02 * float(jnp.max(jnp.abs(seen.innovation)))
+
+
+def test_it_runs_in_batches_and_has_derivatives(sliding):
+    force, run = sliding
+    force, x = force[:200], run.x[:200]
+
+    def power(bandwidth):
+        return jnp.sum(
+            innovations(STAGE, force, x + 1e-6, DT, observer_gains(bandwidth, DT), _start(run)) ** 2
+        )
+
+    powers = jax.jit(jax.vmap(power))(jnp.array([80.1, 79.9, 80.0]))
+    value, slope = jax.jit(jax.value_and_grad(power))(80.0)
+    assert float(powers[2]) == pytest.approx(float(value), rel=1e-9)
+    assert float(slope) == pytest.approx(float((powers[0] - powers[1]) / 0.2), rel=1e-4)
