@@ -95,46 +95,28 @@ def plan(arm: Arm, rng: np.random.Generator) -> tuple[Experiment, ...]:
     **Returns:** the experiments in the order in which they are run.
     """
     volt = arm.Fs / arm.motor_constant  # breaks the arm away
-    ramps = [
-        (0.0, 0.0),
-        (0.3, 0.0),
-        (2.3, 1.08),
-        (2.6, 0.0),
-        (2.9, -0.35),
-        (3.2, 0.0),
-        (3.5, 0.0),
-        (5.0, -1.1),
-    ]
-    ramps += [
-        (5.3, 0.0),
-        (5.6, 0.4),
-        (5.9, 0.0),
-        (6.2, 0.0),
-        (7.2, 1.12),
-        (7.5, 0.0),
-        (7.8, -0.5),
-        (8.1, 0.0),
-    ]
-    ramps += [(8.4, 0.0), (10.2, -1.08), (10.5, 0.0), (10.8, 0.3), (11.1, 0.0), (12.0, 0.0)]
-    sines = [(0.5, level, 2) for level in (0.3, 0.5, 0.7, 0.9)]
-    moves = [(0.3, 0.5, 0.5), (-0.3, 0.3, 0.5), (0.05, 0.6, 0.4), (0.05, 0.3, 0.4), (-0.1, 2.0, 0.5)]
-    moves += [(0.6, 0.5, 0.5), (-0.9, 0.9, 0.6), (0.02, 0.8, 0.5), (-0.03, 0.4, 0.5), (0.33, 1.2, 0.5)]
+    ramps = [(0.0, 0.0), (0.1, 0.0), (1.1, 1.08), (1.25, 0.0), (1.4, -0.35), (1.55, 0.0), (1.7, 0.0), (2.45, -1.1)]
+    ramps += [(2.6, 0.0), (2.75, 0.4), (2.9, 0.0), (3.05, 0.0), (3.55, 1.12), (3.7, 0.0), (3.85, -0.5), (4.0, 0.0)]
+    ramps += [(4.15, 0.0), (5.05, -1.08), (5.2, 0.0), (5.35, 0.3), (5.5, 0.0), (5.9, 0.0)]
+    sines = [(1.4, level, 2) for level in (0.3, 0.5, 0.7, 0.9)]
+    moves = [(0.3, 0.4, 0.3), (-0.3, 0.25, 0.3), (0.05, 0.4, 0.25), (-0.07, 0.9, 0.3)]
+    moves += [(0.4, 0.4, 0.3), (-0.5, 0.5, 0.35), (0.02, 0.5, 0.3), (0.1, 0.6, 0.2)]
     nested = [0.85, -0.85, 0.5, -0.5, 0.25, -0.25, 0.25, -0.5, 0.85, -0.75, 0.4, 0.1, 0.6, -0.2, 0.75, 0.0]
-    loops = _polyline(7.5, _triangles(nested, 2.2, 0.2))
-    others = [(-0.2, 0.35, 0.6), (0.08, 0.9, 0.3), (0.45, 0.45, 0.7), (-0.04, 1.1, 0.3), (-0.5, 0.7, 0.4)]
-    others += [(0.15, 2.2, 0.6), (0.01, 0.5, 0.4), (0.25, 0.3, 0.5), (-0.35, 1.5, 0.4)]
+    loops = _polyline(4.0, _triangles(nested, 4.4, 0.2))
+    others = [(-0.2, 0.3, 0.35), (0.08, 0.6, 0.25), (0.45, 0.4, 0.35), (-0.04, 0.7, 0.25), (-0.35, 0.45, 0.3)]
+    others += [(0.15, 1.0, 0.3), (0.01, 0.3, 0.3)]
     return (
-        Experiment("noise_small", "fit", "open", 0.12 * volt * _binary_noise(rng, 14.0)),
-        Experiment("noise_large", "fit", "open", 0.35 * volt * _gaussian_noise(rng, 14.0)),
-        Experiment("breakaway", "fit", "open", volt * _polyline(12.0, ramps)),
+        Experiment("noise_small", "fit", "open", 0.12 * volt * _binary_noise(rng, 6.0)),
+        Experiment("noise_large", "fit", "open", 0.35 * volt * _gaussian_noise(rng, 6.0)),
+        Experiment("breakaway", "fit", "open", volt * _polyline(6.0, ramps)),
         Experiment("stick_sine", "fit", "open", volt * _sines(sines)),
-        Experiment("moves", "fit", "closed", _moves(13.5, moves)),
-        Experiment("sweep", "fit", "closed", _sweep(12.0, 0.3, 6.0, 0.25, 0.04)),
+        Experiment("moves", "fit", "closed", _moves(6.0, moves)),
+        Experiment("sweep", "fit", "closed", _sweep(6.0, 0.4, 6.0, 0.25, 0.04)),
         Experiment(
             "holdout_stick",
             "holdout",
             "open",
-            volt * np.concatenate([loops, _sines([(1.2, 0.6, 3), (0.8, 0.8, 2)])]),
+            volt * np.concatenate([loops, _sines([(2.5, 0.6, 2), (1.6, 0.8, 2)])]),
         ),
-        Experiment("holdout_moves", "holdout", "closed", _moves(13.0, others)),
+        Experiment("holdout_moves", "holdout", "closed", _moves(6.0, others)),
     )

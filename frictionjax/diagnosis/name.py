@@ -104,12 +104,18 @@ def _regress(e, base, columns, weight, prior, setting):
 
 
 @eqx.filter_jit
-def _misfits(layout, vectors, setting, floor):
-    def one(vector):
-        power = block_power(predicted_errors(layout, vector, setting), setting.batch)
-        return mismatch(power, floor, setting.batch)
+def _misfits(e, batch, floor):
+    return jax.vmap(lambda lane: mismatch(block_power(lane, batch), floor, batch))(e)
 
-    return jax.vmap(one)(vectors)
+
+# Finite steps and one-step estimates are simulated in as many lanes, so that one compilation serves both.
+_LANES = 5
+
+
+def _simulated(problem: Problem, vectors: list[Float[Array, " q"]]) -> Float[Array, "lanes r n"]:
+    """Innovations for up to five vectors."""
+    padded = vectors + [vectors[-1]] * (_LANES - len(vectors))
+    return _errors(problem.layout, jnp.stack(padded), problem.setting)[: len(vectors)]
 
 
 def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, float]) -> list[Trial]:
@@ -138,9 +144,9 @@ def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, flo
         if len(where) == 1
         else [[(i, p.probes[0]) for i, p in zip(where, strengths, strict=True)]]
     )
-    stepped = jnp.stack([vector.at[i].add(size) for probe in probes for i, size in probe])
+    stepped = [vector.at[i].add(size) for probe in probes for i, size in probe]
     sizes = jnp.asarray([size for probe in probes for _, size in probe])
-    columns = (_errors(extended.layout, stepped, setting) - present.e[None]) / sizes[:, None, None]
+    columns = (_simulated(extended, stepped) - present.e[None]) / sizes[:, None, None]
 
     trials, first = [], 0
     power = block_power(present.e, setting.batch)
@@ -186,8 +192,8 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
             information = np.linalg.inv(gram + np.diag(ridge))[base:, base:]
             outer = gradients.T @ gradients
             spread = np.sqrt(np.diag(information @ outer @ information))
-    stacked = jnp.stack(candidates)
-    values = np.asarray(_misfits(extended.layout, stacked, setting, jnp.asarray(extended.floor)))
+    e = _simulated(extended, candidates)
+    values = np.asarray(_misfits(e, setting.batch, jnp.asarray(extended.floor)))
     values = np.where(np.isfinite(values), values, np.inf)
     best = int(np.argmin(values))
     free = [extended.layout[i] for i in where]
@@ -195,11 +201,11 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
         effect=instance.name,
         drive=drive,
         problem=extended,
-        vector=stacked[best],
+        vector=candidates[best],
         gain=present.misfit - float(values[best]),
         linear_gain=linear,
         p_value=p_value,
-        one_step={f.label: float(stacked[best][i] * f.scale) for f, i in zip(free, where, strict=True)},
+        one_step={f.label: float(candidates[best][i] * f.scale) for f, i in zip(free, where, strict=True)},
         detectable={f.label: float(4.0 * s * f.scale) for f, s in zip(free, spread, strict=True)},
     )
 

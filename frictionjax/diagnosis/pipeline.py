@@ -102,8 +102,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     accepted = [step.accepted for step in steps if step.accepted is not None]
     first = steps[0].before
     last = accepted[-1].judgement if accepted else first
-    base_view = view(first, scene)
-    extended_view = view(last, scene) if accepted else base_view
+    views = list(executor.map(lambda judgement: view(judgement, scene), [first, last] if accepted else [first]))
+    base_view, extended_view = views[0], views[-1]
     progress("locating", 0.95)
     bins = _map(first, last, base_view, base, plant, scene)
     extended = (

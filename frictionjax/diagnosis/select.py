@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.judge import Judgement, Scene, advantage, judge
+from frictionjax.diagnosis.judge import Judgement, Scene, advantage, explained, judge
 from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
 from frictionjax.diagnosis.refit import Refitted, refit, short_list
 from frictionjax.diagnosis.scales import plant_scales, wavelengths
@@ -26,6 +26,9 @@ LEAST_ENERGY = 0.3
 """Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings."""
 FAR_FROM_NOISE = 0.8
 """Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
+ENOUGH_SHARE = 0.8
+"""Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: the rest is then more
+likely the form of the effect found than another one."""
 SIGNIFICANCE = 1e-3
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
@@ -142,7 +145,8 @@ def select(
         if accepted is None:
             break
         problem, vector, before = accepted.problem, accepted.vector, accepted.judgement
-        if max(before.misfit_fit, before.misfit_holdout) < 2.0 * ADEQUATE_MISFIT:
+        whole = explained(steps[0].before, before)
+        if max(before.misfit_fit, before.misfit_holdout) < 2.0 * ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
     return steps
 
