@@ -179,7 +179,7 @@ def where_words(bins: tuple[MismatchBin, ...]) -> str:
     direction = strongest(bins, "direction")
     if direction is not None and direction.share > 0.75 and direction.bin != "at rest":
         parts.append(f"moving {direction.bin} ({100 * direction.share:.0f} %)")
-    others = [b for b in (strongest(bins, a) for a in ("since_reversal", "position", "frequency", "input")) if b]
+    others = [b for b in (strongest(bins, a) for a in ("since_reversal", "position", "input")) if b]
     sharp = [b for b in others if b.share > 0.6]
     if sharp:
         most = max(sharp, key=lambda b: b.excess)
