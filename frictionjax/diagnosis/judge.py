@@ -38,7 +38,8 @@ class Judgement(eqx.Module):
 
     **Attributes:** `drive`, `deflection` (starting deflections, shape `(r,)`), `e` (standardised innovations,
     `(r, n)`), `power` (of each block, `(r, b)`), `loss` (log-likelihood loss of each cluster of 0.5 s, `(r, c)`),
-    `misfit_fit` and `misfit_holdout` (robust misfit per sample; 0 is noise).
+    `misfit_fit` and `misfit_holdout` (robust misfit per sample; 0 is noise), `structure` (the larger of both, against a
+    floor that a little process noise may have raised evenly through a recording: what is left is structure).
     """
 
     drive: Drive
@@ -48,6 +49,11 @@ class Judgement(eqx.Module):
     loss: Float[np.ndarray, "r c"]
     misfit_fit: float
     misfit_holdout: float
+    structure: float
+
+
+# Small unmeasured forces raise every block of a recording alike: up to this factor the median block is taken as floor.
+_EVENLY_RAISED = 1.35
 
 
 def judge(drive: Drive, scene: Scene) -> Judgement:
@@ -59,9 +65,12 @@ def judge(drive: Drive, scene: Scene) -> Judgement:
     count = np.asarray(batch.block_count)
     loss = 0.5 * count * np.log((power + scene.floor) / (2.0 * scene.floor))
 
-    def misfit(rows: np.ndarray) -> float:
-        return float(loss[rows].sum() / count[rows].sum()) if np.any(rows) else float("nan")
+    def misfit(values: np.ndarray, rows: np.ndarray) -> float:
+        return float(values[rows].sum() / count[rows].sum()) if np.any(rows) else 0.0
 
+    middle = np.array([np.median(p[c > 0]) for p, c in zip(power, count, strict=True)])
+    raised = np.clip(middle, scene.floor, _EVENLY_RAISED * scene.floor)[:, None]
+    uneven = 0.5 * count * np.log((power + raised) / (2.0 * raised))
     short = -loss.shape[1] % CLUSTER_BLOCKS
     clusters = np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
     return Judgement(
@@ -70,8 +79,9 @@ def judge(drive: Drive, scene: Scene) -> Judgement:
         np.asarray(e),
         power,
         clusters,
-        misfit(~scene.held_out),
-        misfit(scene.held_out),
+        misfit(loss, ~scene.held_out),
+        misfit(loss, scene.held_out),
+        max(misfit(uneven, ~scene.held_out), misfit(uneven, scene.held_out)),
     )
 
 

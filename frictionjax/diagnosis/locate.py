@@ -4,6 +4,8 @@ Excess power of the standardised innovations over the noise floor, in bins of re
 input, time since a reversal, time and frequency. The shares of one axis add to 1.
 """
 
+import itertools
+
 import equinox as eqx
 import numpy as np
 
@@ -26,7 +28,7 @@ class Motion(eqx.Module):
 
 def _edges(values: np.ndarray, edges: np.ndarray, unit: str, symbol: str) -> dict[str, np.ndarray]:
     bins = {}
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         if np.isinf(high):
             label = f"{symbol} above {low:.3g} {unit}"
         elif low == 0.0:
@@ -83,7 +85,7 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> dict[st
     time: dict[str, np.ndarray] = {}
     for row, name in enumerate(scene.batch.names):
         thirds = np.linspace(0, scene.batch.lengths[row], 4).astype(int)
-        for first, last in zip(thirds[:-1], thirds[1:], strict=True):
+        for first, last in itertools.pairwise(thirds):
             mask = np.zeros(valid.shape, bool)
             mask[row, first:last] = True
             time[f"{name}, {first * dt[row]:.3g} to {last * dt[row]:.3g} s"] = mask
@@ -94,7 +96,7 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> dict[st
         "velocity": _edges(speed, speeds, velocity, "|v|"),
         "position": {
             f"x {a:.3g} to {b:.3g} {position}": (motion.x >= a) & (motion.x <= b)
-            for a, b in zip(places[:-1], places[1:], strict=True)
+            for a, b in itertools.pairwise(places)
         },
         "input": _edges(np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|"),
         "since_reversal": _edges(since, np.array([0.0, 0.005, 0.02, 0.1, 0.5, np.inf]), "s", "t"),
@@ -155,7 +157,7 @@ def _frequency_rows(base: Judgement, extended: Judgement, scene: Scene) -> list[
             sums[:, column] += np.bincount(band, spectrum, minlength=len(edges) - 1)
         sums[:, 2] += np.bincount(band, null, minlength=len(edges) - 1)
     rows = []
-    for (low, high), (before, after, null) in zip(zip(edges[:-1], edges[1:], strict=True), sums, strict=True):
+    for (low, high), (before, after, null) in zip(itertools.pairwise(edges), sums, strict=True):
         if null > 0:
             label = f"{low:.3g} to {high:.3g} Hz" if np.isfinite(high) else f"above {low:.3g} Hz"
             rows.append((label, float(before / null), float(after / null), max(int(null), 1)))

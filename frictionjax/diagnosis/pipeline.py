@@ -155,12 +155,11 @@ def _map(first: Judgement, last: Judgement, seen: View, base: FitResult, plant: 
 def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tuple[str, Unexplained]:
     """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
     explains enough of the whole; else `unknown`."""
-    worst = max(first.misfit_fit, first.misfit_holdout)
-    if worst < ADEQUATE_MISFIT and not any(step.accepted for step in steps):
+    if first.structure < ADEQUATE_MISFIT and not any(step.accepted for step in steps):
         return "adequate", Unexplained(False, 0.0, "")
     share_fit, share_holdout = explained(first, last)
     left = float(np.clip(1.0 - min(share_fit, share_holdout), 0.0, 1.0))
-    remains = max(last.misfit_fit, last.misfit_holdout) > 2.0 * ADEQUATE_MISFIT
+    remains = last.structure > 2.0 * ADEQUATE_MISFIT
     regime = max(
         (b for b in bins if b.axis == "regime"), key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None
     )

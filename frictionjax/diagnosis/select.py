@@ -1,6 +1,5 @@
 """Select: forward selection of effects, each accepted only if fit and held-out recordings agree."""
 
-import math
 from concurrent.futures import Executor
 
 import equinox as eqx
@@ -17,7 +16,7 @@ from frictionjax.estimation.least_squares import error_jacobian
 from frictionjax.physics.effects import catalogue
 
 ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample below which nothing significant is missing: 1 % of the noise floor's power."""
+"""Robust misfit per sample, above an even floor, below which nothing significant is missing (2 % of the power)."""
 LEAST_GAIN = 0.002
 """Drop of the misfit, per sample, below which a candidate is not worth a refit."""
 LEAST_SHARE = 0.45
@@ -27,8 +26,8 @@ LEAST_ENERGY = 0.3
 FAR_FROM_NOISE = 0.8
 """Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
 ENOUGH_SHARE = 0.8
-"""Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: the rest is then more
-likely the form of the effect found than another one."""
+"""Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: what is left is then
+more likely the form of the effect found than another one."""
 SIGNIFICANCE = 1e-3
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
@@ -129,9 +128,8 @@ def select(
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
         trials = try_catalogue(present_model(problem, vector), scales, executor)
-        worst = max(before.misfit_fit, before.misfit_holdout if math.isfinite(before.misfit_holdout) else 0.0)
         chosen = short_list(trials, most=4 if number == 0 else 3, least_gain=LEAST_GAIN)
-        if worst < ADEQUATE_MISFIT:
+        if before.structure < ADEQUATE_MISFIT:
             chosen = []
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = list(executor.map(lambda trial, now=before: refit(trial, now, scene), chosen))
@@ -146,7 +144,7 @@ def select(
             break
         problem, vector, before = accepted.problem, accepted.vector, accepted.judgement
         whole = explained(steps[0].before, before)
-        if max(before.misfit_fit, before.misfit_holdout) < 2.0 * ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
+        if before.structure < 2.0 * ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
     return steps
 

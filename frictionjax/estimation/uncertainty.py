@@ -66,5 +66,6 @@ def estimates(
         unit = free.parameter.unit
         for name, text in units.items():
             unit = unit.replace("{" + name + "}", text)
-        result[free.label] = Estimate(float(value), float(stderr) if identified or stderr > 0.0 else float("inf"), unit, identified)
+        known = float(stderr) if stderr > 0.0 else float("inf")
+        result[free.label] = Estimate(float(value), known, unit, identified)
     return result

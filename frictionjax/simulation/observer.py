@@ -64,9 +64,9 @@ class Observed(eqx.Module):
 def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
     """State after the correction by one innovation; `slack` as in `Bristles`."""
     x, v = state.x + gains.position * innovation, state.v + gains.velocity * innovation
-    # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What counts is
-    # the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a needle of
-    # static friction would buy itself a faster observer.
+    # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What
+    # counts is the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a
+    # needle of static friction would buy itself a faster observer.
     yield_deflection = slack * drive.level(x, v) / drive.friction.sigma0
     stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
     return State(x, v, state.z + gains.position * innovation * stuck)
