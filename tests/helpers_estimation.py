@@ -4,10 +4,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from helpers_plants import ROTARY
+from helpers_plants import ROTARY, effect
 
 from frictionjax.excitation import gaussian_noise, point_to_point, prbs
-from frictionjax.recordings import Recording
+from frictionjax.recordings import Case, Plant, Recording
 from frictionjax.simulation import simulate
 from frictionjax.simulation.fixed import initial_state
 from frictionjax.simulation.ros2 import advance
@@ -37,34 +37,35 @@ def open_loop(name, u, *, seed, drive=PLANT, role="fit", noise=NOISE, substeps=1
 
 
 @eqx.filter_jit
-def _servo(drive, reference, disturbance, gains, substeps):
+def _servo(drive, reference, disturbance, gains, late, substeps):
     bristles, dt = drive.bristles(), jnp.asarray(1.0 / RATE)
     kp, kd = gains
 
     def sample(carry, inputs):
-        state, error, slope = carry
+        state, error, slope, waiting = carry
         target, noise = inputs
         measured = state.x + noise
         now = target - measured
         slope = slope + 0.5 * ((now - error) / dt - slope)
         u = kp * now + kd * slope
-        force = drive.motor_constant * u
-        return (advance(drive, bristles, state, force, dt, substeps), now, slope), (u, measured)
+        waiting = jnp.append(waiting, u)
+        force = drive.motor_constant * waiting[0]
+        return (advance(drive, bristles, state, force, dt, substeps), now, slope, waiting[1:]), (u, measured)
 
     zero = jnp.zeros(())
-    start = (initial_state(drive, zero, zero, zero), zero, zero)
+    start = (initial_state(drive, zero, zero, zero), zero, zero, jnp.zeros(late))
     return jax.lax.scan(sample, start, (reference, disturbance))[1]
 
 
-def closed_loop(name, reference, *, seed, drive=PLANT, role="fit", noise=NOISE, substeps=1):
+def closed_loop(name, reference, *, seed, drive=PLANT, role="fit", noise=NOISE, late=0, substeps=1):
     """A servo of 10 Hz follows `reference`; its input answers to the noisy measurement, as on a machine.
 
-    Effects on the input are not simulated here.
+    The input reaches the drive `late` samples after it is recorded. Effects on the input are not simulated here.
     """
     w = 2.0 * np.pi * 10.0
     gains = tuple(jnp.asarray(g * drive.J / drive.motor_constant) for g in (w**2, 1.4 * w))
     disturbance = noise * np.random.default_rng(seed).standard_normal(len(reference))
-    u, measured = _servo(drive, jnp.asarray(reference), jnp.asarray(disturbance), gains, substeps)
+    u, measured = _servo(drive, jnp.asarray(reference), jnp.asarray(disturbance), gains, late, substeps)
     return Recording(name, RATE, np.asarray(u), np.asarray(measured), role=role, loop="closed")
 
 
@@ -108,3 +109,23 @@ def experiment(*, drive=PLANT, seed=0, noise=NOISE, substeps=1):
         open_loop("loud", large_noise(seed=seed), seed=10 * seed + 3, **common),
         closed_loop("moves", moves(), seed=10 * seed + 4, **common),
     )
+
+
+def small_case(*, drive=PLANT, late=0, seed=0, seconds=2.5):
+    """Three recordings to fit and one kept aside; the input acts `late` samples after it is recorded."""
+    delayed = drive.with_effects(effect("Delay", delay=late / RATE)) if late else drive
+    more = moves(seconds, (-0.25, 0.1, 0.07), (0.3, 0.5, 0.4))
+    recordings = (
+        open_loop("stick", stick_noise(seconds, seed=seed), seed=10 * seed + 1, drive=delayed),
+        open_loop("loud", large_noise(seconds, seed=seed), seed=10 * seed + 2, drive=delayed),
+        closed_loop("moves", moves(seconds), seed=10 * seed + 3, drive=drive, late=late),
+        closed_loop("others", more, seed=10 * seed + 4, drive=drive, late=late, role="holdout"),
+    )
+    plant = Plant(
+        motor_constant=float(drive.motor_constant),
+        position_unit="rad",
+        force_unit="N*m",
+        input_unit="V",
+        encoder_step=FINE,
+    )
+    return Case("small", plant, recordings)

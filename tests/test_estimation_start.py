@@ -1,0 +1,148 @@
+"""Starting values: read off the recordings, near enough to the truth, and honest about what was not seen."""
+
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, RATE, break_away, closed_loop, experiment, large_noise, moves
+from helpers_estimation import open_loop, stick_noise, truth
+
+from frictionjax.estimation import fit, starting_values
+from frictionjax.estimation.sliding import fit_sliding, smooth_motion
+from frictionjax.recordings import Recording
+
+KM = float(PLANT.motor_constant)
+TRUTH = truth(PLANT)
+
+
+def _away(drive):
+    """Each base parameter over its true value."""
+    return {name: value / TRUTH[name] for name, value in truth(drive).items()}
+
+
+@pytest.fixture(scope="module")
+def sliding_only():
+    """Two servo recordings in which nothing shows the bristle but the reversals."""
+    more = moves(positions=(-0.2, 0.1, 0.3), durations=(0.4, 0.3, 0.5))
+    return closed_loop("moves", moves(), seed=4), closed_loop("more", more, seed=5)
+
+
+def test_stick_and_sliding_together_show_everything():
+    start = starting_values(experiment(), motor_constant=KM)
+    assert start.presliding_seen
+    assert start.notes == ()
+    for drive in start.drives:
+        away = _away(drive)
+        assert away["J"] == pytest.approx(1.0, abs=0.1)
+        assert away["Fc"] == pytest.approx(1.0, abs=0.15)
+        assert away["Fs"] == pytest.approx(1.0, abs=0.15)
+        assert away["sigma0"] == pytest.approx(1.0, abs=0.15)
+        assert away["sigma1"] == pytest.approx(1.0, abs=0.3)
+        assert 0.3 < away["sigma2"] < 3.0
+    vs = [away["vs"] for away in map(_away, start.drives)]
+    assert min(vs) < 3.0
+    assert max(vs) > 1.0 / 3.0
+
+
+def test_sliding_alone_shows_inertia_and_coulomb_friction(sliding_only):
+    start = starting_values(sliding_only, motor_constant=KM)
+    assert not start.presliding_seen
+    assert start.notes == (
+        "No broadband recording in stick: bristle stiffness and damping show only at reversals, "
+        "and are barely visible.",
+    )
+    for away in map(_away, start.drives):
+        assert away["J"] == pytest.approx(1.0, abs=0.1)
+        assert away["Fc"] == pytest.approx(1.0, abs=0.15)
+        assert away["sigma2"] == pytest.approx(1.0, abs=0.3)
+    # The stiffness is a guess, so guesses on both sides of it are offered.
+    stiffness = [away["sigma0"] for away in map(_away, start.drives)]
+    assert min(stiffness) < 1.0 < max(stiffness)
+
+
+def test_a_known_inertia_is_kept(sliding_only):
+    start = starting_values(sliding_only, motor_constant=KM, inertia=TRUTH["J"])
+    assert all(float(drive.J) == TRUTH["J"] for drive in start.drives)
+    assert all(away["Fc"] == pytest.approx(1.0, abs=0.15) for away in map(_away, start.drives))
+
+
+def test_without_a_motor_constant_forces_are_per_input_unit(sliding_only):
+    with_constant = starting_values(sliding_only, motor_constant=KM).drives[0]
+    without = starting_values(sliding_only).drives[0]
+    assert float(without.motor_constant) == 1.0
+    for name in ("J", "Fc", "Fs", "sigma0", "sigma1", "sigma2"):
+        assert truth(without)[name] == pytest.approx(truth(with_constant)[name] / KM, rel=1e-9)
+
+
+def test_a_closed_loop_is_not_taken_for_a_frequency_response():
+    """In a closed loop the input answers to the noise: its response is not the machine's."""
+    shaken = closed_loop("shaken", 1e-4 * stick_noise(2.2), seed=8)
+    start = starting_values((shaken, closed_loop("moves", moves(), seed=4)), motor_constant=KM)
+    assert not start.presliding_seen
+
+
+def test_noise_that_slides_is_not_taken_for_stick():
+    wild = open_loop("wild", large_noise(2.2, level=4.0), seed=3)
+    start = starting_values((wild, closed_loop("moves", moves(), seed=4)), motor_constant=KM)
+    assert not start.presliding_seen
+    assert _away(start.drives[0])["J"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_break_away_at_the_end_of_a_ramp_is_the_static_friction():
+    recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("ramps", break_away(), seed=2))
+    start = starting_values(recordings, motor_constant=KM)
+    assert start.presliding_seen
+    assert _away(start.drives[0])["Fs"] == pytest.approx(1.0, abs=0.15)
+    assert _away(start.drives[0])["Fc"] == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("loud", [False, True])
+def test_stick_alone_bounds_the_friction_from_below(loud):
+    """A machine that stays put holds the force that is applied: its static friction is no smaller."""
+    stick = open_loop("stick", stick_noise(), seed=1)
+    recordings = (stick, open_loop("loud", large_noise(), seed=3)) if loud else (stick,)
+    start = starting_values(recordings, motor_constant=KM)
+    held = KM * float(np.max(np.abs(stick.u)))
+    for drive in start.drives:
+        assert float(drive.J) == pytest.approx(TRUTH["J"], rel=0.1)
+        assert float(drive.friction.Fs) > held
+        # Damping in stick is sigma1 + sigma2: viscous friction cannot be all of it, nor more.
+        assert float(drive.friction.sigma2) < 0.5 * (TRUTH["sigma1"] + TRUTH["sigma2"])
+
+
+@pytest.mark.slow
+def test_recordings_in_presliding_alone_are_fitted_to_the_noise():
+    recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("loud", large_noise(), seed=3))
+    start = starting_values(recordings, motor_constant=KM)
+    assert fit(start.drives, recordings, encoder_step=FINE).mismatch < 0.02
+
+
+def test_force_that_motion_does_not_explain_is_told():
+    """An input that has nothing to do with the motion."""
+    rng = np.random.default_rng(1)
+    t = np.arange(4400) / RATE
+    x = 0.1 * np.sin(2 * np.pi * 2.0 * t)
+    unrelated = Recording("unrelated", RATE, rng.standard_normal(4400), x, loop="closed")
+    start = starting_values((unrelated,), motor_constant=KM)
+    assert any("explain little of the force in sliding" in note for note in start.notes)
+    assert all(np.isfinite(value) and value > 0 for drive in start.drives for value in truth(drive).values())
+
+
+def test_least_squares_on_sliding_resists_outliers():
+    recording = closed_loop("moves", moves(), seed=4)
+    motion = smooth_motion(recording, KM)
+    clean = fit_sliding((motion,))
+    assert clean.credible
+    spoiled = motion.force.copy()
+    spoiled[::25] += 5.0
+    rough = fit_sliding((type(motion)(motion.x, motion.v, motion.a, spoiled),))
+    for name in ("J", "Fc"):
+        assert getattr(rough, name) == pytest.approx(getattr(clean, name), rel=0.02)
+    assert clean.offset == pytest.approx(0.0, abs=0.01 * TRUTH["Fc"])
+    assert not fit_sliding((type(motion)(motion.x, motion.v, motion.a, -motion.force),)).credible
+
+
+def test_a_constant_load_does_not_pass_for_friction():
+    recording = closed_loop("moves", moves(), seed=4)
+    motion = smooth_motion(recording, KM)
+    loaded = fit_sliding((type(motion)(motion.x, motion.v, motion.a, motion.force + 0.2),))
+    assert loaded.offset == pytest.approx(0.2, abs=0.01)
+    assert loaded.Fc == pytest.approx(TRUTH["Fc"], rel=0.05)
