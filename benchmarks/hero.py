@@ -1,6 +1,6 @@
 """Draw README's picture from the result of `frictionjax demo --out out/demo`.
 
-    python benchmarks/hero.py out/demo benchmarks/hero.png
+python benchmarks/hero.py out/demo benchmarks/hero.png
 """
 
 import json
@@ -21,14 +21,24 @@ def main(result: Path, picture: Path) -> None:
     bins = [b for b in verdict["mismatch"] if b["axis"] == "regime"]
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.2), constrained_layout=True)
     part = (data["t"] > 0.1) & (data["t"] < 4.0)
-    for name, colour, label in (("free_base", BASE, "LuGre alone"), ("free_extended", EXTENDED, "with what was named")):
+    for name, colour, label in (
+        ("free_base", BASE, "LuGre alone"),
+        ("free_extended", EXTENDED, "with what was named"),
+    ):
         left.plot(1e3 * data[name][part], data["u"][part], color=colour, lw=1.0, label=label)
     left.plot(1e3 * data["x"][part], data["u"][part], color="0.15", lw=0.8, label="measured")
-    left.set(xlabel="position (mrad), free run", ylabel="input (V)", title="presliding, a recording kept aside")
+    left.set(
+        xlabel="position (mrad), free run", ylabel="input (V)", title="presliding, a recording kept aside"
+    )
     left.legend(fontsize=7, frameon=False)
-    for name, colour, kind in (("predicted_base", BASE, "base"), ("predicted_extended", EXTENDED, "extended")):
+    for name, colour, kind in (
+        ("predicted_base", BASE, "base"),
+        ("predicted_extended", EXTENDED, "extended"),
+    ):
         rmse = 1e6 * errors[kind]["prediction_rmse"]
-        middle.plot(data["t"], 1e6 * (data["x"] - data[name]), color=colour, lw=0.8, label=f"{rmse:.0f} µrad rms")
+        middle.plot(
+            data["t"], 1e6 * (data["x"] - data[name]), color=colour, lw=0.8, label=f"{rmse:.0f} µrad rms"
+        )
     middle.set(xlabel="time (s)", ylabel="error 0.1 s ahead (µrad)", title="prediction error, same recording")
     middle.legend(fontsize=7, frameon=False)
     place = np.arange(len(bins))

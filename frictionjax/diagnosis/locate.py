@@ -47,7 +47,9 @@ def _since_reversal(v: np.ndarray, slow: float, dt: np.ndarray) -> np.ndarray:
         if moving.size < 2:
             continue
         turns = moving[1:][np.diff(np.sign(v[row][moving])) != 0]
-        last = np.maximum.accumulate(np.where(np.isin(np.arange(v.shape[1]), turns), np.arange(v.shape[1]), -1))
+        last = np.maximum.accumulate(
+            np.where(np.isin(np.arange(v.shape[1]), turns), np.arange(v.shape[1]), -1)
+        )
         result[row] = np.where(last >= 0, (np.arange(v.shape[1]) - last) * dt[row], np.inf)
     return result
 
@@ -99,7 +101,13 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> dict[st
             for a, b in itertools.pairwise(places)
         },
         "input": _edges(np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|"),
-        "since_reversal": _edges(since, np.array([0.0, 0.005, 0.02, 0.1, 0.5, np.inf]), "s", "t"),
+        "since_reversal": {
+            "first 5 ms after a reversal": since < 0.005,
+            "5 to 20 ms after a reversal": (since >= 0.005) & (since < 0.02),
+            "20 to 100 ms after a reversal": (since >= 0.02) & (since < 0.1),
+            "0.1 to 0.5 s after a reversal": (since >= 0.1) & (since < 0.5),
+            "more than 0.5 s after a reversal": since >= 0.5,
+        },
         "time": time,
     }
 
@@ -116,7 +124,10 @@ def mismatch_map(
     - `scene`: the recordings.
     """
     valid = np.asarray(scene.batch.valid) > 0
-    power = {"base": np.nan_to_num(base.e**2) / scene.floor, "extended": np.nan_to_num(extended.e**2) / scene.floor}
+    power = {
+        "base": np.nan_to_num(base.e**2) / scene.floor,
+        "extended": np.nan_to_num(extended.e**2) / scene.floor,
+    }
     bins: list[MismatchBin] = []
     for axis, masks in axes.items():
         rows = []
@@ -140,7 +151,9 @@ def _shares(axis: str, rows: list[tuple[str, float, float, int]]) -> list[Mismat
     ]
 
 
-def _frequency_rows(base: Judgement, extended: Judgement, scene: Scene) -> list[tuple[str, float, float, int]]:
+def _frequency_rows(
+    base: Judgement, extended: Judgement, scene: Scene
+) -> list[tuple[str, float, float, int]]:
     """Spectrum of the innovations over that of noise seen by the observer, |(1 - q)/(1 - p q)|^4, in bands."""
     edges = np.array([0.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, np.inf])
     sums = np.zeros((len(edges) - 1, 3))
@@ -190,4 +203,6 @@ def where_words(bins: tuple[MismatchBin, ...]) -> str:
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.2g} times" if factor < 1000 else "over 1000 times"
+    if factor >= 1000.0:
+        return "over 1000 times"
+    return f"{factor:.0f} times" if factor >= 10.0 else f"{factor:.1f} times"

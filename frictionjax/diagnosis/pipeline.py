@@ -98,16 +98,22 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         base.problem, base.vector, scene, executor, lambda stage, done: progress(stage, 0.3 + 0.55 * done)
     )
     clock.stage("naming")
+    if steps[0].vector is not base.vector:
+        base = finish(base.problem, steps[0].vector, True, units)
     progress("judging on every recording", 0.86)
     accepted = [step.accepted for step in steps if step.accepted is not None]
     first = steps[0].before
     last = accepted[-1].judgement if accepted else first
-    views = list(executor.map(lambda judgement: view(judgement, scene), [first, last] if accepted else [first]))
+    views = list(
+        executor.map(lambda judgement: view(judgement, scene), [first, last] if accepted else [first])
+    )
     base_view, extended_view = views[0], views[-1]
     progress("locating", 0.95)
     bins = _map(first, last, base_view, base, plant, scene)
     extended = (
-        finish(accepted[-1].problem, accepted[-1].vector, True, units).parameters if accepted else base.parameters
+        finish(accepted[-1].problem, accepted[-1].vector, True, units).parameters
+        if accepted
+        else base.parameters
     )
     missing = _missing(steps, extended, where_words(bins))
     verdict, unexplained = _verdict(first, last, steps, bins)
@@ -161,7 +167,9 @@ def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tupl
     left = float(np.clip(1.0 - min(share_fit, share_holdout), 0.0, 1.0))
     remains = last.structure > 2.0 * ADEQUATE_MISFIT
     regime = max(
-        (b for b in bins if b.axis == "regime"), key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None
+        (b for b in bins if b.axis == "regime"),
+        key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0),
+        default=None,
     )
     where = regime.bin if regime is not None and remains else ""
     if steps and steps[0].accepted is not None and min(share_fit, share_holdout) > LEAST_SHARE:
@@ -205,7 +213,9 @@ def _candidates(steps: list[Step], units: dict[str, str]) -> tuple[Candidate, ..
         named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
         step = named or (rounds[0] if rounds else None)
         if step is None:
-            result.append(Candidate(name, float("nan"), {}, False, "the recordings hold no motion that would show it"))
+            result.append(
+                Candidate(name, float("nan"), {}, False, "the recordings hold no motion that would show it")
+            )
             continue
         trial = max((t for t in step.trials if t.effect == name), key=lambda t: t.gain)
         p_value = effect_p_values(step.trials)[name]
@@ -216,7 +226,9 @@ def _candidates(steps: list[Step], units: dict[str, str]) -> tuple[Candidate, ..
         elif best is not None:
             reason = acceptable(best, step.before, p_value)[1] or "another effect explains the same better"
         else:
-            reason = "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
+            reason = (
+                "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
+            )
         result.append(
             Candidate(
                 effect=name,

@@ -55,7 +55,9 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float) -> list[Tri
         return []
     kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
     linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
-    return kept + [t for t in linear if t not in kept and t.gain > 0.25 * least_gain][: max(most - len(kept), 0)]
+    return (
+        kept + [t for t in linear if t not in kept and t.gain > 0.25 * least_gain][: max(most - len(kept), 0)]
+    )
 
 
 def refit(trial: Trial, present: Judgement, scene: Scene) -> Refitted:
@@ -70,9 +72,20 @@ def refit(trial: Trial, present: Judgement, scene: Scene) -> Refitted:
     vector, _, _ = descend(trial.problem, trial.vector, graduate=False, rounds=2)
     slow = trial.problem.at_bandwidth(SLOW_BANDWIDTH)
     vector, _, _ = descend(slow, vector, graduate=False, rounds=3)
-    judgement = judge(slow.drive(vector), scene)
+    return _compared(trial, slow, vector, judge(slow.drive(vector), scene), present, scene)
+
+
+def rejudged(candidate: Refitted, present: Judgement, scene: Scene) -> Refitted:
+    """The same refit, its shares told against another judgement `present` of the model without it, in `scene`.
+
+    **Arguments:** `candidate`, `present`, `scene`.
+    """
+    return _compared(
+        candidate.trial, candidate.problem, candidate.vector, candidate.judgement, present, scene
+    )
+
+
+def _compared(trial, problem, vector, judgement, present, scene) -> Refitted:
     share_fit, share_holdout = explained(present, judgement)
     energy_fit, energy_holdout = energy_explained(present, judgement, scene)
-    return Refitted(
-        trial, slow, vector, judgement, share_fit, share_holdout, energy_fit, energy_holdout
-    )
+    return Refitted(trial, problem, vector, judgement, share_fit, share_holdout, energy_fit, energy_holdout)

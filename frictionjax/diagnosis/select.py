@@ -3,15 +3,16 @@
 from concurrent.futures import Executor
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Progress
 from frictionjax.diagnosis.judge import Judgement, Scene, advantage, explained, judge
 from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
-from frictionjax.diagnosis.refit import Refitted, refit, short_list
+from frictionjax.diagnosis.refit import Refitted, refit, rejudged, short_list
 from frictionjax.diagnosis.scales import plant_scales, wavelengths
-from frictionjax.estimation.fit import FAST_BANDWIDTH, Problem
+from frictionjax.estimation.fit import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem, descend
 from frictionjax.estimation.least_squares import error_jacobian
 from frictionjax.physics.effects import catalogue
 
@@ -37,7 +38,8 @@ class Step(eqx.Module):
     """One round of the selection.
 
     **Attributes:** `trials` (every test), `refits` (the short list), `accepted` (or None), `rivals` (names that the
-    recordings cannot tell from the accepted one), `before` (judgement of the model without it).
+    recordings cannot tell from the accepted one), `before` (judgement of the model without it), `vector` (solution of
+    the model without it; better than the one the round began with when a refit led to a better one).
     """
 
     trials: list[Trial]
@@ -45,6 +47,7 @@ class Step(eqx.Module):
     accepted: Refitted | None
     rivals: tuple[str, ...] = eqx.field(static=True)
     before: Judgement
+    vector: Float[Array, " q"]
 
 
 def present_model(problem: Problem, vector: Float[Array, " q"]) -> Present:
@@ -101,7 +104,9 @@ def acceptable(candidate: Refitted, before: Judgement, p_value: float) -> tuple[
     energy = min(candidate.energy_fit, candidate.energy_holdout)
     if far and energy > LEAST_ENERGY and min(candidate.share_fit, candidate.share_holdout) > 0.0:
         return True, ""
-    shares = f"{100 * candidate.share_fit:.0f} % on the fit, {100 * candidate.share_holdout:.0f} % on the held-out"
+    shares = (
+        f"{100 * candidate.share_fit:.0f} % on the fit, {100 * candidate.share_holdout:.0f} % on the held-out"
+    )
     return False, f"explains too little ({shares} recordings)"
 
 
@@ -133,13 +138,18 @@ def select(
             chosen = []
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = list(executor.map(lambda trial, now=before: refit(trial, now, scene), chosen))
+        better = _better_base(problem, vector, refits)
+        if better is not None:
+            # What looked like an effect was partly the fit of the model without it: the shares are told anew.
+            vector, before = better, judge(problem.drive(better), scene)
+            refits = [rejudged(r, before, scene) for r in refits]
         p_values = effect_p_values(trials)
         ranked = sorted(refits, key=lambda r: -r.worth)
         accepted = next((r for r in ranked if acceptable(r, before, p_values[r.effect])[0]), None)
         rivals: tuple[str, ...] = ()
         if accepted is not None:
             rivals = _inseparable(accepted, refits, before, p_values)
-        steps.append(Step(trials, refits, accepted, rivals, before))
+        steps.append(Step(trials, refits, accepted, rivals, before, vector))
         if accepted is None:
             break
         problem, vector, before = accepted.problem, accepted.vector, accepted.judgement
@@ -147,6 +157,23 @@ def select(
         if before.structure < 2.0 * ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
     return steps
+
+
+def _better_base(
+    problem: Problem, vector: Float[Array, " q"], refits: list[Refitted]
+) -> Float[Array, " q"] | None:
+    """A better solution of the model without the candidates, found from their solutions; None when there is none.
+
+    A model with something missing has several minima; a refit that left a bad one must not get the credit for it.
+    """
+    slow = problem.at_bandwidth(SLOW_BANDWIDTH)
+    count, own = len(problem.layout), slow.mismatch(vector)
+    candidates = [jnp.concatenate([r.vector[:count], r.vector[len(r.problem.layout) :]]) for r in refits]
+    values = [(slow.mismatch(candidate), index) for index, candidate in enumerate(candidates)]
+    value, index = min(values, default=(float("inf"), 0))
+    if not value < own - max(1e-3, 0.02 * own):
+        return None
+    return descend(slow, candidates[index], graduate=False, rounds=3)[0]
 
 
 def _inseparable(
