@@ -1,0 +1,226 @@
+"""The verdict: when a candidate may be named, what is said of it, and in which words."""
+
+from types import SimpleNamespace
+
+import pytest
+from helpers_diagnosis import fake_recording
+
+from frictionjax.core import Estimate, InputError
+from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis.pipeline import _candidates, _missing, _verdict
+from frictionjax.diagnosis.select import LEAST_SHARE, SIGNIFICANCE, acceptable
+from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
+from frictionjax.diagnosis.words import summary_sentence
+from frictionjax.physics import catalogue
+from frictionjax.recordings import Case, Plant, Recording
+
+BINS = (
+    MismatchBin("regime", "stick", 0.2, 2.0, 1.05, 5000),
+    MismatchBin("regime", "sliding", 0.8, 30.0, 1.2, 9000),
+)
+
+
+def _judged(fit, holdout=None, structure=None):
+    holdout = fit if holdout is None else holdout
+    worst = max(fit, holdout) if structure is None else structure
+    return SimpleNamespace(misfit_fit=fit, misfit_holdout=holdout, structure=worst)
+
+
+def _step(accepted=True, **more):
+    return SimpleNamespace(accepted=object() if accepted else None, **more)
+
+
+def test_a_base_model_at_the_noise_is_adequate():
+    noise = _judged(0.004)
+    assert _verdict(noise, noise, [_step(False)], BINS) == ("adequate", Unexplained(False, 0.0, ""))
+
+
+def test_what_explains_nearly_all_is_named():
+    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.004, 0.006), [_step()], BINS)
+    assert verdict == "named"
+    assert not left.present
+    assert left.share == pytest.approx(0.02)
+    assert left.where == ""
+
+
+def test_what_explains_most_is_named_and_the_rest_is_told():
+    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.04, 0.09), [_step()], BINS)
+    assert verdict == "named"
+    assert left.present
+    assert left.share == pytest.approx(0.3)
+    assert left.where == "sliding"
+
+
+@pytest.mark.parametrize("holdout", [0.25, 0.31])
+def test_what_fails_on_held_out_recordings_is_not_named(holdout):
+    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.01, holdout), [_step()], BINS)
+    assert verdict == "unknown"
+    assert left.present
+    assert left.share == pytest.approx(min(holdout / 0.3, 1.0))
+
+
+def test_nothing_accepted_is_unknown():
+    before = _judged(0.4, 0.3)
+    verdict, left = _verdict(before, before, [_step(False)], BINS)
+    assert verdict == "unknown"
+    assert left == Unexplained(True, 1.0, "sliding")
+
+
+def test_held_out_recordings_alone_can_tell_that_something_is_missing():
+    before = _judged(0.002, 0.3)
+    assert _verdict(before, before, [_step(False)], BINS)[0] == "unknown"
+
+
+def _refit(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0):
+    return SimpleNamespace(
+        share_fit=share_fit,
+        share_holdout=share_holdout,
+        energy_fit=energy_fit,
+        energy_holdout=energy_holdout,
+    )
+
+
+def test_a_candidate_must_explain_fit_and_held_out_recordings():
+    before = _judged(0.4)
+    assert acceptable(_refit(0.9, 0.8), before, 1e-6) == (True, "")
+    enough = LEAST_SHARE + 0.01
+    assert acceptable(_refit(enough, enough), before, 1e-6)[0]
+    for shares in ((0.9, LEAST_SHARE - 0.01), (LEAST_SHARE - 0.01, 0.9), (0.9, -0.5)):
+        accepted, reason = acceptable(_refit(*shares), before, 1e-6)
+        assert not accepted
+        expected = f"({100 * shares[0]:.0f} % on the fit, {100 * shares[1]:.0f} % on the held-out recordings)"
+        assert reason == f"explains too little {expected}"
+
+
+def test_a_candidate_must_be_significant():
+    accepted, reason = acceptable(_refit(0.9, 0.9), _judged(0.4), 10.0 * SIGNIFICANCE)
+    assert not accepted
+    assert reason == "not significant (p = 0.01)"
+
+
+def test_far_from_the_noise_a_share_of_the_power_is_enough():
+    candidate = _refit(0.1, 0.08, energy_fit=0.6, energy_holdout=0.5)
+    assert acceptable(candidate, _judged(2.0, 1.5), 1e-6)[0]
+    assert not acceptable(candidate, _judged(0.4, 1.5), 1e-6)[0]
+    assert not acceptable(_refit(0.1, -0.01, 0.6, 0.5), _judged(2.0, 1.5), 1e-6)[0]
+    assert not acceptable(_refit(0.1, 0.08, 0.6, 0.1), _judged(2.0, 1.5), 1e-6)[0]
+
+
+def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure delay between input and force"):
+    return MissingEffect(effect, effect_class, 0.97, 1e-9, {}, "stick", "", sentence)
+
+
+NOTHING = Unexplained(False, 0.0, "")
+
+
+def test_an_adequate_model_is_told_in_one_sentence():
+    found = summary_sentence("adequate", (), NOTHING, "nowhere above the noise", (fake_recording(n=200),))
+    assert found == "Nothing significant is missing: the base model explains the recordings to the noise."
+
+
+def test_the_named_effect_its_place_and_the_held_out_error_are_told():
+    fits = (fake_recording("a", role="fit", n=400), fake_recording("kept", n=400))
+    found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits)
+    base, extended = fits[1].prediction_rmse_base, fits[1].prediction_rmse_extended
+    assert found == (
+        "Left out: a pure delay between input and force. It acts in: stick (80 %). On the held-out recording kept "
+        f"the error 0.1 s ahead falls from {base:.3g} to {extended:.3g} (noise 1.1e-07)."
+    )
+
+
+def test_what_cannot_be_told_apart_is_told_too():
+    effect = _missing_effect(effect_class=("delay", "drive_lag"))
+    found = summary_sentence("named", (effect,), NOTHING, "stick", (fake_recording(n=200),))
+    assert "a pure delay between input and force (these recordings cannot tell it from drive_lag)" in found
+
+
+def test_several_effects_are_told_together():
+    effects = (_missing_effect(), _missing_effect("constant_load", ("constant_load",), "a constant force"))
+    found = summary_sentence("named", effects, NOTHING, "stick", (fake_recording(n=200),))
+    assert found.startswith("Left out: a pure delay between input and force; a constant force.")
+
+
+def test_the_unknown_is_told_with_its_place():
+    found = summary_sentence("unknown", (), Unexplained(True, 1.0, "sliding"), "sliding (90 %)", ())
+    assert (
+        found
+        == "Something is missing that no effect of the catalogue explains. The mismatch is in: sliding (90 %)."
+    )
+    part = summary_sentence("unknown", (_missing_effect(),), Unexplained(True, 0.6, "sliding"), "sliding", ())
+    assert part.endswith("More is missing (60 % of the misfit) that the catalogue does not explain.")
+
+
+def _trial(form, **more):
+    values = {"p_value": 1e-7, "gain": 0.3, "detectable": {}, "one_step": {}} | more
+    return SimpleNamespace(
+        effect=form.name, drive=SimpleNamespace(effects=(form(),)), linear_gain=0.0, **values
+    )
+
+
+def _accepted(form, share_fit, share_holdout):
+    trial = _trial(form)
+    refit = _refit(share_fit, share_holdout)
+    return SimpleNamespace(
+        effect=form.name, trial=trial, worth=share_fit + share_holdout, **vars(refit)
+    ), trial
+
+
+def test_a_missing_effect_carries_its_class_and_its_parameters():
+    form = catalogue()["delay"][0]
+    accepted, trial = _accepted(form, 0.9, 0.8)
+    step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), trials=[trial], refits=[accepted])
+    extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
+    (found,) = _missing([step], extended, "stick")
+    assert found.effect_class == ("delay", "drive_lag")
+    assert found.parameters == {"delay": extended["delay"]}
+    assert found.confidence == pytest.approx(0.4)
+    assert found.split_by == form.about.split_by
+    assert found.sentence == form.about.sentence
+    alone = SimpleNamespace(accepted=accepted, rivals=(), trials=[trial], refits=[accepted])
+    assert _missing([alone], extended, "stick")[0].split_by == ""
+
+
+def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
+    delay, load, ripple = (catalogue()[name][0] for name in ("delay", "constant_load", "ripple"))
+    accepted, trial = _accepted(delay, 0.9, 0.8)
+    refused = SimpleNamespace(effect="constant_load", worth=0.2, **vars(_refit(0.2, 0.0)))
+    trials = [trial, _trial(load), _trial(ripple, p_value=0.4), _trial(ripple, p_value=0.5, gain=0.1)]
+    step = SimpleNamespace(
+        accepted=accepted, rivals=(), trials=trials, refits=[accepted, refused], before=_judged(0.4)
+    )
+    rows = _candidates([step], {"force": "N*m", "position": "rad", "input": "V"})
+    assert {row.effect for row in rows} == set(catalogue())
+    by_name = {row.effect: row for row in rows}
+    assert rows[0].effect == "delay"
+    assert by_name["delay"].reason == "named"
+    assert by_name["constant_load"].reason.startswith("explains too little")
+    assert by_name["constant_load"].units == {"load": "N*m"}
+    assert by_name["ripple"].reason == "gains nothing"
+    assert by_name["ripple"].p_value == pytest.approx(0.8)
+    assert not by_name["maxwell_slip"].tested
+    assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
+
+
+def _case(*recordings):
+    return Case("bench", Plant(), recordings)
+
+
+def _recording(name, **more):
+    return Recording(name, 1000.0, *([[0.0] * 100] * 2), **more)
+
+
+def test_motion_driven_recordings_are_refused_with_a_cure():
+    case = _case(_recording("a"), _recording("b", drive="motion"), _recording("c", role="holdout"))
+    with pytest.raises(InputError) as caught:
+        diagnose(case)
+    assert str(caught.value) == (
+        'bench: recordings with drive = "motion" (b) are read, but not diagnosed yet. '
+        "leave them out of the case; recordings of input and position can be diagnosed."
+    )
+
+
+@pytest.mark.parametrize("roles", [("fit", "fit"), ("holdout", "holdout"), ()])
+def test_a_case_without_both_roles_is_refused(roles):
+    case = _case(*(_recording(f"r{k}", role=role) for k, role in enumerate(roles)))
+    with pytest.raises(InputError, match=r'at least one kept aside.*role = "holdout"'):
+        diagnose(case)
