@@ -13,7 +13,7 @@ from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
 from frictionjax.diagnosis.refit import Refitted, refit, rejudged, short_list
 from frictionjax.diagnosis.scales import plant_scales, wavelengths
 from frictionjax.estimation.fit import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem, descend
-from frictionjax.estimation.least_squares import error_jacobian
+from frictionjax.estimation.least_squares import jacobian_of
 from frictionjax.physics.effects import catalogue
 
 ADEQUATE_MISFIT = 0.01
@@ -53,11 +53,8 @@ class Step(eqx.Module):
 def present_model(problem: Problem, vector: Float[Array, " q"]) -> Present:
     """The fitted model, seen by the fast observer, ready for tests."""
     fast = problem.at_bandwidth(FAST_BANDWIDTH)
-    e, jacobian = _error_jacobian(fast.layout, vector, fast.setting)
+    e, jacobian = jacobian_of(fast.layout, vector, fast.setting)
     return Present(fast, vector, e, jacobian, fast.mismatch(vector))
-
-
-_error_jacobian = eqx.filter_jit(error_jacobian)
 
 
 def try_catalogue(present: Present, scales: dict[str, float], executor: Executor) -> list[Trial]:

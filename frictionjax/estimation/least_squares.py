@@ -12,7 +12,6 @@ from frictionjax.estimation.residuals import standardised
 from frictionjax.physics import Drive
 from frictionjax.simulation import Gains
 
-
 # Coordinates are this many times longer than the standard deviation of a coordinate alone: the first damping is then a
 # twenty-fifth of the curvature.
 _STRIDE = 5.0
@@ -60,6 +59,10 @@ def error_jacobian(
     return e, jnp.concatenate([columns[:count], own])
 
 
+jacobian_of = eqx.filter_jit(error_jacobian)
+"""`error_jacobian`, compiled once for each layout and shared by all who need it outside the solver."""
+
+
 def _stack(e, prior):
     return jnp.concatenate([e.ravel(), prior])
 
@@ -84,6 +87,10 @@ def _residual_jvp(primals, tangents):
 
 
 @eqx.filter_jit
+def _equal_curvature(columns, weight, prior):
+    return _STRIDE / jnp.sqrt(jnp.sum(columns**2 * weight[None], axis=(1, 2)) + prior**2)
+
+
 def levenberg_marquardt(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting, max_steps: int
 ) -> tuple[Float[Array, " q"], Float[Array, ""]]:
@@ -93,9 +100,14 @@ def levenberg_marquardt(
     The solver damps every coordinate alike and starts at a damping of 1, so it is given coordinates in which the
     Gauss-Newton matrix has the same diagonal: without them, half a dozen rejected steps would still be undamped.
     """
-    _, columns = error_jacobian(layout, vector, setting)
-    curvature = jnp.sum(columns**2 * setting.weight[None], axis=(1, 2)) + setting.prior**2
-    unit = _STRIDE / jnp.sqrt(curvature)
+    _, columns = jacobian_of(layout, vector, setting)
+    return _solve(
+        layout, vector, _equal_curvature(columns, setting.weight, setting.prior), setting, max_steps
+    )
+
+
+@eqx.filter_jit
+def _solve(layout, vector, unit, setting, max_steps):
     solution = optx.least_squares(
         lambda step, given: _residual(vector + unit * step, given, layout),
         optx.LevenbergMarquardt(rtol=1e-3, atol=1e-2),

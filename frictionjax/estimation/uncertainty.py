@@ -6,19 +6,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
-from frictionjax.estimation.least_squares import Setting, error_jacobian
+from frictionjax.estimation.least_squares import Setting, jacobian_of
 from frictionjax.estimation.parameters import Free, physical
 
 CLUSTER_BLOCKS = 10
 """Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 
 
-@eqx.filter_jit
 def normal_equations(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
 ) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
     """Weighted Gauss-Newton matrix with the prior, shape `(q, q)`, and the gradient of each cluster, `(c, q)`."""
-    e, jacobian = error_jacobian(layout, vector, setting)
+    return _products(*jacobian_of(layout, vector, setting), setting)
+
+
+@eqx.filter_jit
+def _products(e, jacobian, setting):
     hessian = jnp.einsum("irn,jrn,rn->ij", jacobian, jacobian, setting.weight) + jnp.diag(setting.prior**2)
     return hessian, cluster_gradients(e, jacobian, setting)
 
