@@ -55,7 +55,7 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
     )
 
 
-def view(judgement: Judgement, scene: Scene, *, states: bool) -> View:
+def view(judgement: Judgement, scene: Scene, *, states: bool = True) -> View:
     """See all recordings of the `scene` through the model of the `judgement`; with the observer's `states` or not."""
     batch = scene.batch
     gains = observer_gains(scene.bandwidth, batch.dt)
