@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import chi2
+from scipy.stats import f
 
 from frictionjax.estimation.fit import Problem, extend_problem
 from frictionjax.estimation.least_squares import predicted_errors
@@ -205,15 +205,22 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
         gain=present.misfit - float(values[best]),
         linear_gain=linear,
         p_value=p_value,
-        one_step={f.label: float(candidates[best][i] * f.scale) for f, i in zip(free, where, strict=True)},
-        detectable={f.label: float(4.0 * s * f.scale) for f, s in zip(free, spread, strict=True)},
+        one_step={
+            p.label: float(np.clip(candidates[best][i] * p.scale, p.parameter.lower, p.parameter.upper))
+            for p, i in zip(free, where, strict=True)
+        },
+        detectable={p.label: float(4.0 * s * p.scale) for p, s in zip(free, spread, strict=True)},
     )
 
 
 def _score_test(gradients: np.ndarray) -> float:
-    """p-value of "all strengths are zero" from cluster gradients, shape `(c, k)`; robust to what correlates inside
-    a cluster (0.5 s)."""
-    total = gradients.sum(axis=0)
-    outer = gradients.T @ gradients
-    statistic = float(total @ np.linalg.lstsq(outer, total, rcond=None)[0])
-    return float(chi2.sf(statistic, gradients.shape[1]))
+    """p-value of "all strengths are zero" from cluster gradients, shape `(c, k)`: Hotelling's T^2 of their mean, robust
+    to what correlates inside a cluster (0.5 s)."""
+    used = gradients[np.any(gradients != 0.0, axis=1)]
+    clusters, count = used.shape
+    if clusters <= count + 1:
+        return 1.0
+    mean = used.mean(axis=0)
+    covariance = np.atleast_2d(np.cov(used, rowvar=False))
+    statistic = clusters * float(mean @ np.linalg.lstsq(covariance, mean, rcond=None)[0])
+    return float(f.sf(statistic * (clusters - count) / (count * (clusters - 1)), count, clusters - count))
