@@ -100,27 +100,26 @@ def moves(seconds=2.4, positions=(0.3, -0.1, 0.02), durations=(0.3, 0.4, 0.6)):
     return np.asarray(point_to_point(round(seconds * RATE), RATE, positions, durations, rests=0.2))
 
 
-def experiment(*, drive=PLANT, seed=0, noise=NOISE, substeps=1):
-    """Four short recordings that show every base parameter."""
-    common = {"drive": drive, "noise": noise, "substeps": substeps}
-    return (
-        open_loop("stick", stick_noise(seed=seed), seed=10 * seed + 1, **common),
-        open_loop("ramps", break_away(), seed=10 * seed + 2, **common),
-        open_loop("loud", large_noise(seed=seed), seed=10 * seed + 3, **common),
-        closed_loop("moves", moves(), seed=10 * seed + 4, **common),
-    )
+def experiment(*, drive=PLANT, late=0, seed=0, noise=NOISE, substeps=1, seconds=4.0):
+    """Four recordings that show every base parameter; the input acts `late` samples after it is recorded.
 
-
-def small_case(*, drive=PLANT, late=0, seed=0, seconds=2.5):
-    """Three recordings to fit and one kept aside; the input acts `late` samples after it is recorded."""
+    `seconds` is the length of the two noise recordings.
+    """
     delayed = drive.with_effects(effect("Delay", delay=late / RATE)) if late else drive
-    more = moves(seconds, (-0.25, 0.1, 0.07), (0.3, 0.5, 0.4))
-    recordings = (
-        open_loop("stick", stick_noise(seconds, seed=seed), seed=10 * seed + 1, drive=delayed),
-        open_loop("loud", large_noise(seconds, seed=seed), seed=10 * seed + 2, drive=delayed),
-        closed_loop("moves", moves(seconds), seed=10 * seed + 3, drive=drive, late=late),
-        closed_loop("others", more, seed=10 * seed + 4, drive=drive, late=late, role="holdout"),
+    common = {"noise": noise, "substeps": substeps}
+    stick, loud = stick_noise(seconds, seed=seed), large_noise(seconds, seed=seed)
+    return (
+        open_loop("stick", stick, seed=10 * seed + 1, drive=delayed, **common),
+        open_loop("ramps", break_away(), seed=10 * seed + 2, drive=delayed, **common),
+        open_loop("loud", loud, seed=10 * seed + 3, drive=delayed, **common),
+        closed_loop("moves", moves(), seed=10 * seed + 4, drive=drive, late=late, **common),
     )
+
+
+def small_case(*, drive=PLANT, late=0, seed=0, seconds=4.0):
+    """The experiment as a case, with other moves kept aside."""
+    more = moves(positions=(-0.25, 0.1, 0.07), durations=(0.3, 0.5, 0.4))
+    held = closed_loop("others", more, seed=10 * seed + 5, drive=drive, late=late, role="holdout")
     plant = Plant(
         motor_constant=float(drive.motor_constant),
         position_unit="rad",
@@ -128,4 +127,4 @@ def small_case(*, drive=PLANT, late=0, seed=0, seconds=2.5):
         input_unit="V",
         encoder_step=FINE,
     )
-    return Case("small", plant, recordings)
+    return Case("small", plant, (*experiment(drive=drive, late=late, seed=seed, seconds=seconds), held))

@@ -118,9 +118,11 @@ def judged(small):
 
 def test_the_truth_is_judged_as_noise(judged):
     true, _ = judged
-    assert abs(true.misfit_fit) < 0.01
-    assert abs(true.misfit_holdout) < 0.01
-    assert np.max(np.abs(true.deflection)) < 0.1
+    assert true.structure < 0.01
+    # A recording of 2.4 s knows its own noise to 2 %, which is 0.02 of misfit.
+    assert abs(true.misfit_fit) < 0.02
+    assert abs(true.misfit_holdout) < 0.04
+    assert np.max(np.abs(true.deflection)) < 0.2
 
 
 def test_a_wrong_model_misfits_where_it_is_wrong(judged, small):

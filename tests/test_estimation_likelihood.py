@@ -13,11 +13,10 @@ from scipy.optimize import least_squares
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.deflection import fit_deflections
 from frictionjax.estimation.fit import make_problem
-from frictionjax.estimation.least_squares import error_jacobian, levenberg_marquardt, predicted_errors
+from frictionjax.estimation.least_squares import jacobian_of, levenberg_marquardt, predicted_errors
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, mismatch, standardised, weights
 
-_jacobian = eqx.filter_jit(error_jacobian)
 _lanes = eqx.filter_jit(jax.vmap(predicted_errors, (None, 0, None)))
 
 
@@ -41,7 +40,7 @@ def problem(batch):
 @pytest.fixture(scope="module")
 def slopes(problem):
     """Innovations and Jacobian at the true parameters."""
-    layout, (e, jacobian) = problem[0].layout, _jacobian(problem[0].layout, problem[1], problem[0].setting)
+    layout, (e, jacobian) = problem[0].layout, jacobian_of(problem[0].layout, problem[1], problem[0].setting)
     return layout, np.asarray(e), np.asarray(jacobian)
 
 
@@ -68,6 +67,7 @@ def test_jacobian_agrees_with_central_differences(problem, slopes):
     assert np.max(apart) > 1e-4
 
 
+@pytest.mark.slow
 def test_what_the_jacobian_leaves_out_is_of_second_order(problem, batch):
     """Half the step, a quarter of the difference, for every parameter that moves the innovations of the stick."""
     setting, vector, count = problem[0].setting, np.asarray(problem[1]), len(problem[0].layout)

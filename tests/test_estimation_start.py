@@ -2,8 +2,19 @@
 
 import numpy as np
 import pytest
-from helpers_estimation import FINE, PLANT, RATE, break_away, closed_loop, experiment, large_noise, moves
-from helpers_estimation import open_loop, stick_noise, truth
+from helpers_estimation import (
+    FINE,
+    PLANT,
+    RATE,
+    break_away,
+    closed_loop,
+    experiment,
+    large_noise,
+    moves,
+    open_loop,
+    stick_noise,
+    truth,
+)
 
 from frictionjax.estimation import fit, starting_values
 from frictionjax.estimation.sliding import fit_sliding, smooth_motion
