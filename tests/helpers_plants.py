@@ -25,7 +25,7 @@ NUISANCES = {
     "PeriodicPositionDependence": {"period": 4e-4},
     "PositionDependence": {"center": 1e-4, "half_stroke": 1e-3},
     "Ripple": {"period": 4e-4},
-    "MaxwellSlip": {"shape": 1.5},
+    "MaxwellSlip": {"spread": 1.5},
 }
 """Values for a plant of the size of Table I."""
 

@@ -36,12 +36,10 @@ def test_each_sample_comes_from_the_run_that_it_should(horizon, stride):
     model, n = Drive(1.1, TABLE_I.friction), 60
     x = simulate(TABLE_I, U[:n], RATE).x + NOISE[:n]
     seen = observe(model, FORCE[:n], x, DT, GAINS, ZERO)
-    stuck = jnp.maximum(0.0, 1.0 - jnp.abs(seen.z[:, 0]) / 1.5e-5)
-    corrected = (
-        seen.x + GAINS.position * seen.innovation,
-        seen.v + GAINS.velocity * seen.innovation,
-        seen.z[:, 0] + GAINS.position * seen.innovation * stuck,
-    )
+    moved, faster = GAINS.position * seen.innovation, GAINS.velocity * seen.innovation
+    limit = jax.vmap(model.friction.level)(seen.v + faster) / model.friction.sigma0
+    stuck = jnp.maximum(0.0, 1.0 - jnp.abs(seen.z[:, 0]) / limit)
+    corrected = (seen.x + moved, seen.v + faster, seen.z[:, 0] + moved * stuck)
     expected = np.asarray(seen.x).copy()
     padded = np.concatenate([U[:n], np.zeros(n)])
     for k in range(0, n - horizon, stride):

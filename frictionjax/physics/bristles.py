@@ -19,54 +19,43 @@ class Bristles(eqx.Module):
     share: Float[Array, " n"]
     slack: Float[Array, " n"]
 
+    @property
+    def lugre(self) -> Bool[Array, " n"]:
+        """Which element is LuGre's."""
+        return jnp.arange(self.share.shape[-1]) == 0
+
+    def limit(self, level: Float[Array, ""], sigma0: Float[Array, ""]) -> Float[Array, " n"]:
+        """Deflection at which each element slips steadily, position units, for a friction `level` (force) and the
+        stiffness `sigma0` of the whole bank (force/position).
+        """
+        return level * self.slack / sigma0
+
+    def within(self, z: Float[Array, " n"], limit: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Deflections `z`, those of elasto-slip elements cut at their `limit`; LuGre's bristle finds its way by (2)."""
+        return jnp.where(self.lugre, z, jnp.clip(z, -limit, limit))
+
     def rate(
         self,
         v: Float[Array, ""],
         z: Float[Array, " n"],
         level: Float[Array, ""],
         sigma0: Float[Array, ""],
-        h: Float[Array, ""],
+        stick: Float[Array, " n"] | Float[Array, ""],
     ) -> Float[Array, " n"]:
-        """dz/dt of every element, position/s, shape `(n,)`.
+        """dz/dt of every element, position/s, shape `(n,)`, as it counts for damping.
 
         LuGre's bristle slips in proportion to its deflection, equation (2). An elasto-slip element moves with the
-        machine up to its yield deflection; its rate is the mean over the next `h` s, because at the yield, whose level
-        changes with velocity, the rate of an instant would jump between 0 and v.
+        machine until it yields, and again as soon as the velocity turns back; while it slips its rate is zero.
 
         **Arguments:**
 
         - `v`: velocity, position/s.
         - `z`: deflection of each element, position units, shape `(n,)`.
-        - `level`: steady-state friction level G, force.
+        - `level`: steady-state friction level G at this velocity, force.
         - `sigma0`: stiffness of the whole bank, force/position.
-        - `h`: time over which an elasto-slip element's rate is the mean, s.
+        - `stick`: velocity of the elasto-slip elements, or its mean over a step in which they yield, position/s.
         """
-        limit = level * self.slack / sigma0
-        slip = v - jnp.abs(v) * z / limit
-        return jnp.where(self._lugre, slip, jnp.clip(v, (-limit - z) / h, (limit - z) / h))
-
-    def after(
-        self,
-        z: Float[Array, " n"],
-        integrated: Float[Array, " n"],
-        travel: Float[Array, ""],
-        level: Float[Array, ""],
-        sigma0: Float[Array, ""],
-    ) -> Float[Array, " n"]:
-        """Deflections after a step.
-
-        An elasto-slip element that was at `z` has moved with the machine by `travel`, but not beyond its yield: exact,
-        however long the step. LuGre's bristle is where the integration of its rate put it (`integrated`).
-
-        **Arguments:** `z`, `integrated` (position units, shape `(n,)`), `travel` (position units), `level` (force),
-        `sigma0` (force/position).
-        """
-        limit = level * self.slack / sigma0
-        return jnp.where(self._lugre, integrated, jnp.clip(z + travel, -limit, limit))
-
-    @property
-    def _lugre(self) -> Bool[Array, " n"]:
-        return jnp.arange(self.share.shape[-1]) == 0
+        return jnp.where(self.lugre, v - jnp.abs(v) * (sigma0 * z / level), stick)
 
 
 def bristles_of(effects: tuple[AbstractEffect, ...]) -> Bristles:

@@ -67,6 +67,26 @@ class Drive(eqx.Module):
                 force = force + effect.force(self.friction, x, v)
         return force
 
+    def opposing_force(
+        self,
+        bristles: Bristles,
+        x: Float[Array, ""],
+        v: Float[Array, ""],
+        z: Float[Array, " n"],
+        rate: Float[Array, " n"],
+    ) -> Float[Array, ""]:
+        """Opposing force (1), with the effects.
+
+        **Arguments:**
+
+        - `bristles`: from `bristles()`, made once per run.
+        - `x`, `v`: position and velocity.
+        - `z`, `rate`: deflection of each bristle element and its rate, position units and position/s, shape `(n,)`.
+        """
+        bent = self.friction.sigma0 * jnp.sum(bristles.share * z)
+        damped = self.friction.sigma1 * jnp.sum(bristles.share * rate)
+        return bent + damped + self.parallel_force(x, v)
+
     def friction_force(
         self,
         bristles: Bristles,
@@ -82,10 +102,10 @@ class Drive(eqx.Module):
         - `bristles`: from `bristles()`, made once per run.
         - `x`, `v`: position and velocity.
         - `z`: deflection of each bristle element, position units, shape `(n,)`.
-        - `h`: step, s, over which the rate of an elasto-slip element at its yield is the mean.
+        - `h`: step, s, over which the rate of an elasto-slip element that yields is the mean.
         """
-        rate = bristles.rate(v, z, self.level(x, v), self.friction.sigma0, h)
-        bristle = self.friction.sigma0 * jnp.sum(bristles.share * z) + self.friction.sigma1 * jnp.sum(
-            bristles.share * rate
-        )
-        return bristle + self.parallel_force(x, v), rate
+        level, sigma0 = self.level(x, v), self.friction.sigma0
+        limit = bristles.limit(level, sigma0)
+        z = bristles.within(z, limit)
+        rate = bristles.rate(v, z, level, sigma0, jnp.clip(v, (-limit - z) / h, (limit - z) / h))
+        return self.opposing_force(bristles, x, v, z, rate), rate

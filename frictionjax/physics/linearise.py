@@ -60,14 +60,13 @@ def linearize(
         def field(state):
             position, speed, elements = state[0], state[1], state[2:]
             # |v| = direction * v on this side of rest: an exact one-sided derivative, nothing is smoothed.
+            # An element at its yield slips when the motion goes on, and sticks when it turns back.
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
-            slip = bristles.rate(
-                direction * jnp.ones(()), elements, level, drive.friction.sigma0, jnp.asarray(1e-12)
-            )
+            sigma0 = drive.friction.sigma0
+            sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)
+            slip = bristles.rate(direction * jnp.ones(()), elements, level, sigma0, sticks)
             rate = speed * direction * slip
-            force = drive.friction.sigma0 * jnp.sum(bristles.share * elements)
-            force = force + drive.friction.sigma1 * jnp.sum(bristles.share * rate)
-            force = force + drive.parallel_force(position, direction * 1e-300 + speed)
+            force = drive.opposing_force(bristles, position, direction * 1e-300 + speed, elements, rate)
             return jnp.concatenate([jnp.stack([speed, -force / drive.J]), rate])
 
         return jax.jacfwd(field)(jnp.concatenate([jnp.stack([x, 0.0 * x]), deflection]))

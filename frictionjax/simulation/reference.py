@@ -11,16 +11,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import require_x64
-from frictionjax.core.safe import real
+from frictionjax.core.safe import real, sign
 from frictionjax.physics import Drive
 from frictionjax.simulation.fixed import Trajectory, initial_state
+
+# Part of its yield deflection over which an elasto-slip element goes from sticking to slipping.
+_CORNER = 3e-2
 
 
 @eqx.filter_jit
 def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     bristles = drive.bristles()
-    # Elasto-slip elements return to their yield within this time, far below a sample; LuGre's bristle ignores it.
-    instantly = 1e-3 * dt
     force = drive.applied_force(u, dt)
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
     # One unit of the scaled state is a bristle bent to break-away, and the speed of its free oscillation at that
@@ -31,7 +32,12 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     def field(instant, scaled, _):
         x, v, z = scaled[0] * bend, scaled[1] * speed, scaled[2:] * bend
         held = force[jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)]
-        opposing, rate = drive.friction_force(bristles, x, v, z, instantly)
+        level, sigma0 = drive.level(x, v), drive.friction.sigma0
+        # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
+        gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
+        damping_rate = bristles.rate(v, z, level, sigma0, v * jnp.clip(gap - 1.0, 0.0, 1.0))
+        rate = bristles.rate(v, z, level, sigma0, v * jnp.clip(gap, -100.0, 1.0))
+        opposing = drive.opposing_force(bristles, x, v, z, damping_rate)
         return jnp.concatenate([jnp.stack([v / bend, (held - opposing) / drive.J / speed]), rate / bend])
 
     start = initial_state(drive, x0, v0, z0)
@@ -58,7 +64,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         "If neither helps, the parameters of `drive` or the input `u` are not finite or not physical.",
     )
     x, v, z = scaled[:, 0] * bend, scaled[:, 1] * speed, scaled[:, 2:] * bend
-    friction = jax.vmap(lambda *state: drive.friction_force(bristles, *state, instantly)[0])(x, v, z)
+    friction = jax.vmap(lambda *state: drive.friction_force(bristles, *state, dt)[0])(x, v, z)
     return Trajectory(t, x, v, z, friction)
 
 
