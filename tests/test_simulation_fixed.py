@@ -91,6 +91,19 @@ def test_friction_balances_the_force_in_steady_motion():
     np.testing.assert_allclose(run.friction, 0.5 + 0.06 * v, rtol=1e-12)
 
 
+def test_bristle_rates_far_above_the_step_rate_do_no_harm():
+    """Reversals at sigma0 |v| h/Fc up to 200, with a sigma1 that turns a bristle thrown too far into a blow."""
+    drive = Drive(0.0121, LuGre(6581.0, 8.9, 0.13, 0.074, 0.185, 0.43))
+    u = 4.0 * np.random.default_rng(0).normal(size=(6, 800))
+    coarse, fine = (
+        jax.vmap(lambda force, n=substeps: simulate(drive, force, 2500.0, substeps=n).v)(u)
+        for substeps in (1, 32)
+    )
+    assert float(jnp.max(jnp.abs(fine))) * 6581.0 / 0.074 / 2500.0 > 100.0
+    error = jnp.std(coarse - fine, axis=1) / jnp.std(fine, axis=1)
+    assert float(jnp.max(error)) < 0.05
+
+
 def test_batches_over_drives_and_inputs():
     u = np.stack([_input(TABLE_I, 0.5), _input(TABLE_I, 1.4, NOISE)])
     masses = jnp.array([1.0, 1.3])

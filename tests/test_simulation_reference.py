@@ -5,10 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_plants import FORMS, PLANTS, ROTARY, STRENGTHS, TABLE_I, with_every_effect
+from helpers_plants import FORMS, PLANTS, ROTARY, STRENGTHS, TABLE_I, effect, with_every_effect
 from scipy.integrate import solve_ivp
 
-from frictionjax.simulation import simulate, simulate_reference
+from frictionjax.simulation import Trajectory, simulate, simulate_reference
 
 RATE, N = 2000.0, 160
 T = np.arange(N) / RATE
@@ -147,3 +147,41 @@ def test_each_effect_agrees_with_the_reference(form):
     assert _error(drive, u, reference, 2) < 1e-3
     without = _error(TABLE_I, u, reference, 4)
     assert _error(drive, u, reference, 4) < 0.1 * without
+
+
+@jax.jit
+def _explicit(drive, u):
+    """Position of a drive with elasto-slip elements by 4000 explicit steps a sample, and a memory of what slips."""
+    bristles, friction, h = drive.bristles(), drive.friction, 1.0 / RATE / 4000
+    first = jnp.arange(drive.bristle_count) == 0
+
+    def step(force, state):
+        x, v, z, slips = state
+        limit = friction.level(v) * bristles.slack / friction.sigma0
+        now = jnp.where(first, z, jnp.clip(z, -limit, limit))
+        following = jnp.where(
+            first, z + h * (v - jnp.abs(v) * z / limit), jnp.clip(now + h * v, -limit, limit)
+        )
+        stopped = ~first & (now + h * v != following)
+        rate = jnp.where(slips & stopped, 0.0, (following - now) / h)
+        opposing = friction.sigma0 * jnp.sum(bristles.share * 0.5 * (now + following))
+        opposing = opposing + friction.sigma1 * jnp.sum(bristles.share * rate) + friction.sigma2 * v
+        faster = v + h * (force - opposing) / drive.J
+        return x + h * faster, faster, following, stopped
+
+    def sample(state, force):
+        return jax.lax.fori_loop(0, 4000, lambda _, now: step(force, now), state), state[0]
+
+    zero = jnp.zeros(())
+    return jax.lax.scan(sample, (zero, zero, jnp.zeros(first.shape), jnp.zeros(first.shape, bool)), u)[1]
+
+
+@pytest.mark.parametrize(
+    ("shape", "gate"), [("presliding loop", 2e-3), ("stick and slip", 3e-3), ("moves", 5e-5), ("noise", 2e-3)]
+)
+def test_elasto_slip_agrees_with_small_explicit_steps(shape, gate):
+    drive = TABLE_I.with_effects(effect("MaxwellSlip", share=0.5, spread=1.0))
+    u = jnp.asarray(1.5 * SHAPES[shape])
+    exact = Trajectory(u, _explicit(drive, u), u, u[:, None], u)
+    assert _error(drive, u, exact, 1) < gate
+    assert _error(drive, u, exact, 4) < 0.6 * gate
