@@ -18,9 +18,9 @@ class CompileClock:
         self._before = CompileClock._total
 
     @staticmethod
-    def _note(event: str, duration: float, **_: object) -> None:
+    def _note(event: str, duration_secs: float, **_: str | int) -> None:
         if event == _EVENT:
-            CompileClock._total += duration
+            CompileClock._total += duration_secs
 
     @property
     def seconds(self) -> float:
