@@ -13,40 +13,38 @@ from frictionjax.simulation import (
     Gains,
     observe,
     observer_gains,
-    predict_ahead,
     residual_force,
     residual_force_std,
     simulate,
 )
+from frictionjax.simulation.prediction import run_ahead
 
 _AHEAD = 0.1  # s
 _FORCE_BANDWIDTH = 25.0  # Hz
 
 
 class View(eqx.Module):
-    """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`, and,
-    where asked for, the observer's `v` and `bend` (|z| over Fs/sigma0)."""
+    """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`, and
+    the observer's `v` and `bend` (|z| over Fs/sigma0)."""
 
     free: np.ndarray
     ahead: np.ndarray
     force: np.ndarray
-    v: np.ndarray | None = None
-    bend: np.ndarray | None = None
+    v: np.ndarray
+    bend: np.ndarray
 
 
 @eqx.filter_jit
-def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride, states):
+def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
     def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, x_first):
         force = drive.applied_force(u, dt)
         own = Gains(position_gain, velocity_gain)
         start = (x0, v0, z0)
         # The free run knows the first sample alone.
         free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2).x
-        ahead = predict_ahead(drive, force, x, dt, own, start, horizon=horizon, stride=stride)
-        missing = residual_force(drive, force, x, dt, bandwidth, start)
-        if not states:
-            return free, ahead, missing
         seen = observe(drive, force, x, dt, own, start)
+        ahead = run_ahead(drive, force, seen, dt, own, horizon=horizon, stride=stride)
+        missing = residual_force(drive, force, x, dt, bandwidth, start)
         return free, ahead, missing, seen.v, jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
 
     z0 = deflection * drive.friction.Fs / drive.friction.sigma0
@@ -55,8 +53,8 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
     )
 
 
-def view(judgement: Judgement, scene: Scene, *, states: bool = True) -> View:
-    """See all recordings of the `scene` through the model of the `judgement`; with the observer's `states` or not."""
+def view(judgement: Judgement, scene: Scene) -> View:
+    """See all recordings of the `scene` through the model of the `judgement`."""
     batch = scene.batch
     gains = observer_gains(scene.bandwidth, batch.dt)
     slowest = float(np.max(np.asarray(batch.dt)))
@@ -70,7 +68,6 @@ def view(judgement: Judgement, scene: Scene, *, states: bool = True) -> View:
         jnp.asarray(min(_FORCE_BANDWIDTH, 0.05 / slowest)),
         horizon,
         max(horizon // 40, 1),
-        states,
     )
     return View(*(np.asarray(part) for part in parts))
 

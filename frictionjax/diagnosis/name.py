@@ -8,15 +8,13 @@ the candidates (a linear gain can be a mirage), and the clustered score test giv
 import itertools
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
 from frictionjax.estimation.fit import Problem, extend_problem
-from frictionjax.estimation.least_squares import predicted_errors
-from frictionjax.estimation.residuals import block_power, mismatch, weights
+from frictionjax.estimation.residuals import block_power, weights
 from frictionjax.estimation.uncertainty import cluster_gradients
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
@@ -84,11 +82,6 @@ def forms_to_try(
 
 
 @eqx.filter_jit
-def _errors(layout, vectors, setting):
-    return jax.vmap(lambda vector: predicted_errors(layout, vector, setting))(vectors)
-
-
-@eqx.filter_jit
 def _regress(e, base, columns, weight, prior, setting):
     """Normal equations of the innovations on [base, columns], and cluster gradients of the projected columns."""
     design = jnp.concatenate([base, columns])
@@ -101,21 +94,6 @@ def _regress(e, base, columns, weight, prior, setting):
     projected = columns - jnp.einsum("ij,irn->jrn", coefficients, base)
     setting = eqx.tree_at(lambda s: s.weight, setting, weight)
     return gram, right, cluster_gradients(e, projected, setting)
-
-
-@eqx.filter_jit
-def _misfits(e, batch, floor):
-    return jax.vmap(lambda lane: mismatch(block_power(lane, batch), floor, batch))(e)
-
-
-# Finite steps and one-step estimates are simulated in as many lanes, so that one compilation serves both.
-_LANES = 5
-
-
-def _simulated(problem: Problem, vectors: list[Float[Array, " q"]]) -> Float[Array, "lanes r n"]:
-    """Innovations for up to five vectors."""
-    padded = vectors + [vectors[-1]] * (_LANES - len(vectors))
-    return _errors(problem.layout, jnp.stack(padded), problem.setting)[: len(vectors)]
 
 
 def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, float]) -> list[Trial]:
@@ -146,7 +124,7 @@ def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, flo
     )
     stepped = [vector.at[i].add(size) for probe in probes for i, size in probe]
     sizes = jnp.asarray([size for probe in probes for _, size in probe])
-    columns = (_simulated(extended, stepped) - present.e[None]) / sizes[:, None, None]
+    columns = (extended.errors(*stepped) - present.e[None]) / sizes[:, None, None]
 
     trials, first = [], 0
     power = block_power(present.e, setting.batch)
@@ -192,9 +170,7 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
             information = np.linalg.inv(gram + np.diag(ridge))[base:, base:]
             outer = gradients.T @ gradients
             spread = np.sqrt(np.diag(information @ outer @ information))
-    e = _simulated(extended, candidates)
-    values = np.asarray(_misfits(e, setting.batch, jnp.asarray(extended.floor)))
-    values = np.where(np.isfinite(values), values, np.inf)
+    values = extended.misfits(*candidates)
     best = int(np.argmin(values))
     free = [extended.layout[i] for i in where]
     return Trial(

@@ -104,9 +104,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     accepted = [step.accepted for step in steps if step.accepted is not None]
     first = steps[0].before
     last = accepted[-1].judgement if accepted else first
-    # The map needs the base model's states; the extended model's are nobody's business.
-    judged = [(first, True), (last, False)] if accepted else [(first, True)]
-    views = list(executor.map(lambda pair: view(pair[0], scene, states=pair[1]), judged))
+    views = list(executor.map(lambda judged: view(judged, scene), [first, last] if accepted else [first]))
     base_view, extended_view = views[0], views[-1]
     progress("locating", 0.95)
     bins = _map(first, last, base_view, base, plant, scene)

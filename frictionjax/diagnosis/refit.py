@@ -69,10 +69,17 @@ def refit(trial: Trial, present: Judgement, scene: Scene) -> Refitted:
     - `present`: judgement of the model without it.
     - `scene`: all recordings.
     """
-    vector, _, _ = descend(trial.problem, trial.vector, graduate=False, rounds=2)
+    vector, _, _ = descend(trial.problem, trial.vector, graduate=False, rounds=2, tolerance=0.2)
     slow = trial.problem.at_bandwidth(SLOW_BANDWIDTH)
-    vector, _, _ = descend(slow, vector, graduate=False, rounds=3)
+    vector, _, _ = descend(slow, vector, graduate=False, rounds=5, tolerance=0.01)
     return _compared(trial, slow, vector, judge(slow.drive(vector), scene), present, scene)
+
+
+def polish(candidate: Refitted, present: Judgement, scene: Scene) -> Refitted:
+    """The same refit, converged: for the one that is to be named. Arguments as for `rejudged`."""
+    vector, _, _ = descend(candidate.problem, candidate.vector, graduate=False, rounds=8)
+    problem = candidate.problem
+    return _compared(candidate.trial, problem, vector, judge(problem.drive(vector), scene), present, scene)
 
 
 def rejudged(candidate: Refitted, present: Judgement, scene: Scene) -> Refitted:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Progress
 from frictionjax.diagnosis.judge import Judgement, Scene, advantage, explained, judge
 from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
-from frictionjax.diagnosis.refit import Refitted, refit, rejudged, short_list
+from frictionjax.diagnosis.refit import Refitted, polish, refit, rejudged, short_list
 from frictionjax.diagnosis.scales import plant_scales, wavelengths
 from frictionjax.estimation.fit import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem, descend
 from frictionjax.estimation.least_squares import jacobian_of
@@ -145,6 +145,8 @@ def select(
         accepted = next((r for r in ranked if acceptable(r, before, p_values[r.effect])[0]), None)
         rivals: tuple[str, ...] = ()
         if accepted is not None:
+            progress(f"converging {accepted.effect}", start + 0.8 * span)
+            accepted = polish(accepted, before, scene)
             rivals = _inseparable(accepted, refits, before, p_values)
         steps.append(Step(trials, refits, accepted, rivals, before, vector))
         if accepted is None:
@@ -166,11 +168,14 @@ def _better_base(
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
     count, own = len(problem.layout), slow.mismatch(vector)
     candidates = [jnp.concatenate([r.vector[:count], r.vector[len(r.problem.layout) :]]) for r in refits]
-    values = [(slow.mismatch(candidate), index) for index, candidate in enumerate(candidates)]
-    value, index = min(values, default=(float("inf"), 0))
+    if not candidates:
+        return None
+    values = slow.misfits(*candidates)
+    index = int(np.argmin(values))
+    value = float(values[index])
     if not value < own - max(1e-3, 0.02 * own):
         return None
-    return descend(slow, candidates[index], graduate=False, rounds=3)[0]
+    return descend(slow, candidates[index], graduate=False)[0]
 
 
 def _inseparable(

@@ -3,13 +3,19 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate, Progress, require_x64, silent
 from frictionjax.estimation.batch import Batch, make_batch
-from frictionjax.estimation.least_squares import Setting, levenberg_marquardt, predicted_errors
+from frictionjax.estimation.least_squares import (
+    Setting,
+    equal_curvature,
+    errors_of,
+    levenberg_marquardt,
+)
 from frictionjax.estimation.parameters import (
     Free,
     at_a_bound,
@@ -28,6 +34,8 @@ from frictionjax.simulation import innovation_gain, observer_gains
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
 """Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
 
+_STEPS = 3  # of Levenberg-Marquardt, between two re-weightings
+_PROLONGED = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the way that a round went
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee of the likelihood, in turn
 _PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
 
@@ -56,13 +64,25 @@ class Problem(eqx.Module):
         weight = weights(power, jnp.asarray(knee), self.setting.batch)
         return eqx.tree_at(lambda p: p.setting.weight, self, weight)
 
+    def errors(self, *vectors: Float[Array, " q"]) -> Float[Array, "k r n"]:
+        """Standardised innovations of each of `vectors`, shape `(k, r, n)`."""
+        return errors_of(self.layout, list(vectors), self.setting)
+
+    def powers(self, *vectors: Float[Array, " q"]) -> Float[Array, "k r b"]:
+        """Block powers of the standardised innovations of each of `vectors`, shape `(k, r, b)`."""
+        return _block_powers(self.errors(*vectors), self.setting.batch)
+
+    def misfits(self, *vectors: Float[Array, " q"]) -> Float[np.ndarray, " k"]:
+        """Robust misfit per sample of each of `vectors`: 0 when every block is at the noise floor."""
+        return _misfits(self.powers(*vectors), self.floor, self.setting.batch)
+
     def power(self, vector: Float[Array, " q"]) -> Float[Array, "r b"]:
         """Block powers of the standardised innovations, shape `(r, b)`."""
-        return _power(self.layout, vector, self.setting)
+        return self.powers(vector)[0]
 
     def mismatch(self, vector: Float[Array, " q"]) -> float:
         """Robust misfit per sample: 0 when every block is at the noise floor."""
-        return float(mismatch(self.power(vector), jnp.asarray(self.floor), self.setting.batch))
+        return float(self.misfits(vector)[0])
 
     def drive(self, vector: Float[Array, " q"]) -> Drive:
         """The `Drive` of a free vector."""
@@ -71,8 +91,14 @@ class Problem(eqx.Module):
 
 
 @eqx.filter_jit
-def _power(layout, vector, setting):
-    return block_power(predicted_errors(layout, vector, setting), setting.batch)
+def _block_powers(e, batch):
+    return jax.vmap(lambda lane: block_power(lane, batch))(e)
+
+
+def _misfits(powers: Float[Array, "k r b"], floor: float, batch: Batch) -> Float[np.ndarray, " k"]:
+    """Robust misfit per sample against `floor`; infinite where a trajectory is not finite."""
+    values = np.asarray(jax.vmap(lambda power: mismatch(power, jnp.asarray(floor), batch))(powers))
+    return np.where(np.isfinite(values), values, np.inf)
 
 
 def make_problem(
@@ -145,55 +171,77 @@ def extend_problem(
 
 
 def descend(
-    problem: Problem, vector: Float[Array, " q"], *, graduate: bool = True, rounds: int = 3, steps: int = 6
+    problem: Problem,
+    vector: Float[Array, " q"],
+    *,
+    graduate: bool = True,
+    rounds: int = 6,
+    tolerance: float = 2e-3,
 ) -> tuple[Float[Array, " q"], float, bool]:
     """Minimise the robust misfit by re-weighted Levenberg-Marquardt.
 
     The knee of the likelihood comes down from the upper quantiles of the block powers to the noise floor: with
-    the knee at the floor from the start, a regime that misfits would be ignored.
+    the knee at the floor from the start, a regime that misfits would be ignored. After every round the way that it
+    went is prolonged while that helps: re-weighting makes steps that are safe, and too short.
+
+    **Arguments:**
+
+    - `problem`, `vector`: what to fit, and where to start.
+    - `graduate`: whether to begin with wide knees.
+    - `rounds`: at most this many rounds with the knee at the floor.
+    - `tolerance`: a round that takes less than this part off the misfit is the last (or less than 1e-4).
 
     **Returns:**
 
-    Vector, misfit, and whether the last round still gained less than 1e-4 (converged).
+    Vector, misfit, and whether the last round still gained less than the tolerance (converged).
     """
-    best, best_value = vector, problem.mismatch(vector)
     scored = np.asarray(problem.setting.batch.block_count) > 0
+    power = problem.power(vector)
+    best, best_value = vector, float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
+    unit = None
     if graduate:
         for quantile in _GRADUATION:
-            power = problem.power(vector)
             level = max(float(np.quantile(np.asarray(power)[scored], quantile)), problem.floor)
             if level < 1.2 * problem.floor:
                 continue  # the next knee would be the floor: that is what the rounds below do
-            vector, _ = levenberg_marquardt(
-                problem.layout, vector, problem.weighted(power, level**0.5).setting, steps
-            )
-            value = problem.mismatch(vector)
+            vector, power, _, unit = _round(problem, vector, power, level, unit)
+            value = float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
             if value < best_value:
                 best, best_value = vector, value
-    converged = False
-    for _ in range(rounds):
         power = problem.power(best)
-        vector, _ = levenberg_marquardt(
-            problem.layout, best, problem.weighted(power, problem.floor**0.5).setting, steps
-        )
-        value = problem.mismatch(vector)
+    for _ in range(rounds):
+        vector, moved, value, unit = _round(problem, best, power, problem.floor, unit)
         gained = best_value - value
         if gained > 0:
-            best, best_value = vector, value
-        if gained < 1e-4:
-            converged = True
-            break
-    return best, best_value, converged
+            best, power, best_value = vector, moved, value
+        if gained < max(1e-4, tolerance * best_value):
+            return best, best_value, True
+    return best, best_value, False
+
+
+def _round(problem, vector, power, level, unit):
+    """Three steps with the knee at the power `level`, and what prolongs them; the best vector by the misfit at that
+    knee, its block powers, that misfit, and the units of the solver."""
+    setting = problem.weighted(power, level**0.5).setting
+    if unit is None:
+        unit = equal_curvature(problem.layout, vector, setting)
+    moved, _ = levenberg_marquardt(problem.layout, vector, setting, _STEPS, unit)
+    reached = [vector + factor * (moved - vector) for factor in _PROLONGED]
+    powers = problem.powers(*reached)
+    values = _misfits(powers, level, setting.batch)
+    best = int(np.argmin(values))
+    return reached[best], powers[best], float(values[best]), unit
 
 
 def _first_descent(problem: Problem, vector: Float[Array, " q"]) -> tuple[Float[Array, " q"], float]:
     """A few steps under a wide knee: enough to see which start is worth going on with."""
-    power = problem.power(vector)
     scored = np.asarray(problem.setting.batch.block_count) > 0
+    unit, power = None, problem.power(vector)
     level = float(np.quantile(np.nan_to_num(np.asarray(power)[scored], nan=1e12, posinf=1e12), 0.8))
-    weighted = problem.weighted(power, max(level, problem.floor) ** 0.5)
-    moved, _ = levenberg_marquardt(problem.layout, vector, weighted.setting, 6)
-    value = problem.mismatch(moved)
+    moved = vector
+    for _ in range(2):
+        moved, power, _, unit = _round(problem, moved, power, max(level, problem.floor), unit)
+    value = float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
     return (moved, value) if np.isfinite(value) else (vector, float("inf"))
 
 
@@ -301,9 +349,9 @@ def fit(
         else:
             tried.append((problem.mismatch(vector), index, vector))
     progress("base fit: fast observer", 0.4)
-    vector, _, _ = descend(problem, min(tried, key=lambda attempt: attempt[:2])[2], rounds=2)
+    vector, _, _ = descend(problem, min(tried, key=lambda attempt: attempt[:2])[2], rounds=4)
     progress("base fit: slow observer", 0.6)
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    vector, _, converged = descend(slow, vector, graduate=False, rounds=3)
+    vector, _, converged = descend(slow, vector, graduate=False, rounds=8)
     progress("base fit: standard errors", 0.95)
     return finish(slow, vector, converged, units or {})

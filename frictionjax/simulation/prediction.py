@@ -12,17 +12,26 @@ from jaxtyping import Array, Float
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
-from frictionjax.simulation.observer import Gains, corrected_states, observe
+from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
 from frictionjax.simulation.ros2 import advance
 
 # Free runs go side by side in batches of this many: enough to fill the vector units, few enough to stay in the cache.
 _BATCH = 1024
 
 
-@eqx.filter_jit
-def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps):
-    observed = observe(drive, force, x, dt, gains, start, substeps=substeps)
-    n = x.shape[0]
+def run_ahead(
+    drive: Drive,
+    force: Float[Array, " n"],
+    observed: Observed,
+    dt: Float[Array, ""],
+    gains: Gains,
+    *,
+    horizon: int,
+    stride: int,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """`predict_ahead` from what the observer with these `gains` `observed`; for use inside compiled functions."""
+    n = force.shape[0]
     runs = -(-(n - horizon) // stride)
     if runs <= 0:
         return observed.x
@@ -33,20 +42,21 @@ def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps)
     padded = jnp.concatenate([force, jnp.zeros(stride)])
 
     def free_run(state, begin):
+        def sample(state, push):
+            return advance(drive, bristles, state, push, dt, substeps), state.x
+
         push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
-
-        def reach(state, force):
-            return advance(drive, bristles, state, force, dt, substeps), None
-
-        def collect(state, force):
-            return advance(drive, bristles, state, force, dt, substeps), state.x
-
-        state, _ = jax.lax.scan(reach, state, push[:horizon])
-        state, passed = jax.lax.scan(collect, state, push[horizon:])
-        return jnp.concatenate([passed, state.x[None]])
+        state, passed = jax.lax.scan(sample, state, push)
+        return jnp.concatenate([passed[horizon:], state.x[None]])
 
     ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
     return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])
+
+
+@eqx.filter_jit
+def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps):
+    observed = observe(drive, force, x, dt, gains, start, substeps=substeps)
+    return run_ahead(drive, force, observed, dt, gains, horizon=horizon, stride=stride, substeps=substeps)
 
 
 def predict_ahead(

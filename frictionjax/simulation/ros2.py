@@ -44,58 +44,80 @@ def ros2_step(
     friction = drive.friction
     gh = _GAMMA * h
     mobility = 1.0 / drive.J
+    share, slack = bristles.share[1:], bristles.slack[1:] / friction.sigma0
+    alone = bristles.share.shape[-1] == 1
 
-    def opposing(x, v, z, stick):
-        rate = bristles.rate(v, z, drive.level(x, v), friction.sigma0, stick)
-        return drive.opposing_force(bristles, x, v, z, rate), rate
+    def total(values):
+        return 0.0 if alone else jnp.sum(share * values)
 
-    x, v = state.x, state.v
-    limit_now = bristles.limit(drive.level(x, v), friction.sigma0)
-    z = bristles.within(state.z, limit_now)
-    # An elasto-slip element moves with the machine until it yields: its mean velocity over the step has these bounds.
-    low, high = (-limit_now - z) / h, (limit_now - z) / h
-    stick_now = jnp.clip(v, low, high)
-    friction_now, rate_now = opposing(x, v, z, stick_now)
+    def lugre(v, z, level):
+        return v - jnp.abs(v) * (friction.sigma0 * z / level)
+
+    def opposing(x, v, z, rate, bent, damped):
+        """Equation (1): `z` and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the other elements."""
+        first = bristles.share[0]
+        bend = friction.sigma0 * (first * z + bent) + friction.sigma1 * (first * rate + damped)
+        return bend + drive.parallel_force(x, v)
+
+    x, v, z = state.x, state.v, state.z[0]
+    level = drive.level(x, v)
+    rate = lugre(v, z, level)
+    # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
+    limit = level * slack
+    plays = bristles.cut(state.z[1:], limit)
+    moved = total(bristles.cut(plays + h * v, limit) - plays) / h
+    friction_now = opposing(x, v, z, rate, total(plays), moved)
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
     # keeps the step L-stable.
     ahead = v + h * (force - friction_now) * mobility
     fast = jnp.where((ahead * v < 0.0) & (jnp.abs(ahead) > jnp.abs(v)), ahead, v)
+
     # Columns of A: v moves everything (by forward differentiation), LuGre's z moves its own rate only.
-    _, (friction_v, rate_v) = jax.jvp(
-        lambda speed: opposing(x, speed, z, jnp.clip(speed, low, high)), (fast,), (jnp.ones_like(v),)
-    )
-    rate_z = jnp.where(bristles.lugre, -jnp.abs(fast) * (friction.sigma0 / drive.level(x, fast)), 0.0)
+    def along(speed):
+        own = lugre(speed, z, drive.level(x, speed))
+        return opposing(x, speed, z, own, 0.0, 0.0), own
+
+    _, (friction_v, rate_v) = jax.jvp(along, (fast,), (jnp.ones_like(v),))
+    rate_z = -jnp.abs(fast) * (friction.sigma0 / drive.level(x, fast))
+    stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
     if not exact_derivative:
-        friction_v, rate_v, rate_z = jax.lax.stop_gradient((friction_v, rate_v, rate_z))
-    acceleration_z = -bristles.share * (friction.sigma0 + friction.sigma1 * rate_z) * mobility
+        friction_v, rate_v, rate_z, stuck = jax.lax.stop_gradient((friction_v, rate_v, rate_z, stuck))
+    friction_v = friction_v + friction.sigma1 * stuck
+    stiffness = friction.sigma0 * mobility
     pivot_z = 1.0 / (1.0 - gh * rate_z)
-    arm = gh * acceleration_z * pivot_z
-    pivot_v = 1.0 / (1.0 + gh * friction_v * mobility - jnp.sum(arm * gh * rate_v))
+    arm = -gh * bristles.share[0] * (stiffness + friction.sigma1 * mobility * rate_z) * pivot_z
+    pivot_v = 1.0 / (1.0 + gh * (friction_v * mobility - arm * rate_v + gh * stiffness * stuck))
 
-    def solve(right_x, right_v, right_z):
-        k_v = (right_v + jnp.sum(arm * right_z)) * pivot_v
-        return right_x + gh * k_v, k_v, (right_z + gh * rate_v * k_v) * pivot_z
+    def solve(right_v, right_z, right_plays):
+        """Slopes of v, of LuGre's bristle, and of the sum over the other elements."""
+        k_v = (right_v + arm * right_z - gh * stiffness * right_plays) * pivot_v
+        return k_v, (right_z + gh * rate_v * k_v) * pivot_z, right_plays + gh * stuck * k_v
 
-    k1_x, k1_v, k1_z = solve(v, (force - friction_now) * mobility, rate_now)
-    x1, v1 = x + h * k1_x, v + h * k1_v
-    limit_1 = bristles.limit(drive.level(x1, v1), friction.sigma0)
-    middle = 0.5 * (v + v1)
-    z1 = jnp.where(bristles.lugre, z + h * k1_z, jnp.clip(z + h * middle, -limit_1, limit_1))
+    k1_v, k1_z, k1_plays = solve((force - friction_now) * mobility, rate, moved)
+    k1_x = v + gh * k1_v
+    x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
+    level_1 = drive.level(x1, v1)
+    rate_1 = lugre(v1, z1, level_1)
+    limit_1 = level_1 * slack
+    middle = plays + h * (0.5 * (v + v1))
     # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
-    friction_1, rate_1 = opposing(x1, v1, z1, 2.0 * jnp.clip(middle, low, high) - stick_now)
-    k2_x, k2_v, k2_z = solve(
-        v1 - 2.0 * k1_x, (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z
+    moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
+    friction_1 = opposing(x1, v1, z1, rate_1, total(bristles.cut(middle, limit_1)), moved_1)
+    k2_v, k2_z, _ = solve(
+        (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z, moved_1 - 2.0 * k1_plays
     )
+    k2_x = v1 - 2.0 * k1_x + gh * k2_v
     x2, v2 = x + h * (1.5 * k1_x + 0.5 * k2_x), v + h * (1.5 * k1_v + 0.5 * k2_v)
     z2 = z + h * (1.5 * k1_z + 0.5 * k2_z)
     # A step across a reversal at a bristle rate far above 1/h can throw LuGre's bristle further than it can bend. What
     # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
-    bound = _BENT * friction.Fs / friction.sigma0
-    bound = jax.lax.stop_gradient(bound)
-    excess = jnp.where(bristles.lugre, z2 - jax.lax.clamp(-bound, z2, bound), 0.0)
-    v2 = v2 + friction.sigma1 * jnp.sum(bristles.share * excess) * mobility
-    z2 = jnp.where(bristles.lugre, z2 - excess, jnp.clip(z + (x2 - x), -limit_1, limit_1))
+    bound = jax.lax.stop_gradient(_BENT * friction.Fs / friction.sigma0)
+    excess = z2 - jax.lax.clamp(-bound, z2, bound)
+    v2 = v2 + friction.sigma1 * bristles.share[0] * excess * mobility
+    z2 = (z2 - excess)[None]
+    if not alone:
+        z2 = jnp.concatenate([z2, bristles.cut(plays + (x2 - x), limit_1)])
     return State(x2, v2, z2)
 
 

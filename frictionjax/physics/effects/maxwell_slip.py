@@ -30,7 +30,8 @@ class MaxwellSlip(AbstractBristleEffect):
     spread: Float[Array, "..."] = eqx.field(converter=real, default=1.5)
     skew: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
-    count: ClassVar[int] = 8
+    # Sixteen lie as close to a continuous distribution as the data can tell, and fill the vector units.
+    count: ClassVar[int] = 16
     name: ClassVar[str] = "maxwell_slip"
     about: ClassVar[About] = About(
         sentence="presliding hysteresis with non-local memory (Maxwell slip)",
