@@ -13,6 +13,7 @@ from frictionjax.diagnosis.scales import plant_scales, wavelengths
 from frictionjax.diagnosis.verdict import MismatchBin
 from frictionjax.estimation.batch import make_batch
 from frictionjax.recordings import Plant, Recording
+from frictionjax.simulation import innovation_gain, observer_gains
 
 N = 16000
 T = np.arange(N) / RATE
@@ -47,10 +48,11 @@ def world():
 
 
 def _innovations(scene, seed=0):
-    """Innovations of a true model: white noise as the observer sees it, (1 - q)^2 / (1 - p q)^2."""
+    """Innovations of a true model, standardised: white noise as the observer sees it, (1 - q)^2 / (1 - p q)^2."""
     pole = np.exp(-2.0 * np.pi * scene.bandwidth / RATE)
     noise = np.random.default_rng(seed).standard_normal((2, N))
-    return lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], noise)
+    seen = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], noise)
+    return seen / float(innovation_gain(observer_gains(scene.bandwidth, 1.0 / RATE)))
 
 
 def _map(scene, axes, e, after=None):

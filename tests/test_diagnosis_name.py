@@ -27,9 +27,6 @@ from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.fit import descend, make_problem
 from frictionjax.physics import catalogue
 
-# Some of these tell of defects that are still open; which ones is not sorted out yet.
-pytestmark = pytest.mark.xfail(strict=False, reason="open defects of naming and fitting, being sorted out")
-
 PERIODS = {"odd_period": (0.01, 0.02), "even_period": (0.03,)}
 SCALES = {
     name: 1.0 + 0.1 * k
@@ -154,7 +151,7 @@ def test_a_planted_effect_gains_most(tried):
             if other != "nothing":
                 assert best[other].detectable[parameter] < planted
         return
-    assert present.misfit > 0.05
+    assert present.misfit > 0.03  # three times what counts as missing
     ranked = sorted(best, key=lambda effect_name: -best[effect_name].gain)
     assert ranked[0] == name
     assert best[name].gain > 1.1 * best[ranked[1]].gain

@@ -16,9 +16,6 @@ from frictionjax.diagnosis import diagnose, select
 from frictionjax.physics import catalogue
 from frictionjax.recordings import load_case
 
-# Some of these tell of defects that are still open; which ones is not sorted out yet.
-pytestmark = pytest.mark.xfail(strict=False, reason="open defects of naming and fitting, being sorted out")
-
 SHARED = Path(__file__).parents[2] / "shared"
 """Cases that are kept beside the repository, where there are any."""
 FEW = ("delay",)

@@ -2,8 +2,10 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from helpers_diagnosis import fake_recording
+from helpers_plants import TABLE_I
 
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis import diagnose
@@ -11,6 +13,7 @@ from frictionjax.diagnosis.pipeline import _candidates, _missing, _verdict
 from frictionjax.diagnosis.select import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.diagnosis.words import summary_sentence
+from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
 from frictionjax.recordings import Case, Plant, Recording
 
@@ -152,16 +155,15 @@ def test_the_unknown_is_told_with_its_place():
 
 def _trial(form, **more):
     values = {"p_value": 1e-7, "gain": 0.3, "detectable": {}, "one_step": {}} | more
-    return SimpleNamespace(
-        effect=form.name, drive=SimpleNamespace(effects=(form(),)), linear_gain=0.0, **values
-    )
+    return SimpleNamespace(effect=form.name, drive=TABLE_I.with_effects(form()), linear_gain=0.0, **values)
 
 
 def _accepted(form, share_fit, share_holdout):
     trial = _trial(form)
     refit = _refit(share_fit, share_holdout)
+    problem = SimpleNamespace(layout=effect_layout(trial.drive, {"dt": 1e-3}))
     return SimpleNamespace(
-        effect=form.name, trial=trial, worth=share_fit + share_holdout, **vars(refit)
+        effect=form.name, trial=trial, problem=problem, worth=share_fit + share_holdout, **vars(refit)
     ), trial
 
 
@@ -206,7 +208,7 @@ def _case(*recordings):
 
 
 def _recording(name, **more):
-    return Recording(name, 1000.0, *([[0.0] * 100] * 2), **more)
+    return Recording(name, 1000.0, *([np.zeros(300)] * 2), **more)
 
 
 def test_motion_driven_recordings_are_refused_with_a_cure():
@@ -217,6 +219,12 @@ def test_motion_driven_recordings_are_refused_with_a_cure():
         'bench: recordings with drive = "motion" (b) are read, but not diagnosed yet. '
         "leave them out of the case; recordings of input and position can be diagnosed."
     )
+
+
+def test_a_recording_too_short_to_be_scored_is_refused_with_a_cure():
+    short = Recording("b", 1000.0, np.zeros(150), np.zeros(150))
+    with pytest.raises(InputError, match=r"bench, recording b: 150 samples are too few.*at least 200"):
+        diagnose(_case(_recording("a"), short, _recording("c", role="holdout")))
 
 
 @pytest.mark.parametrize("roles", [("fit", "fit"), ("holdout", "holdout"), ()])

@@ -127,7 +127,6 @@ def test_padding_changes_no_innovation():
     np.testing.assert_allclose(powers[0], powers[1], rtol=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="known defect, open")
 def test_a_machine_that_never_moves_gives_no_nan():
     """Every sample the same, and the encoder's step unknown: a level of zero would divide by zero."""
     still = _recording(np.zeros(2000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:2000]))
@@ -135,13 +134,11 @@ def test_a_machine_that_never_moves_gives_no_nan():
     assert np.isfinite(problem.mismatch(vector))
 
 
-@pytest.mark.xfail(strict=True, reason="known defect, open")
 def test_a_recording_of_a_few_samples_is_refused_with_a_sentence():
     with pytest.raises(ValueError, match=r"short.*samples"):
         fit(PLANT, (_recording(_noise(1, 30), name="short"),), encoder_step=FINE)
 
 
-@pytest.mark.xfail(strict=True, reason="known defect, open")
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_each_sample_rate_has_its_own_noise_floor(order):
     """The same swing at 2 kHz and at 1 kHz: under the true model, both side by side misfit as little as each alone."""

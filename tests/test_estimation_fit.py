@@ -27,9 +27,6 @@ from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
-# Some of these tell of defects that are still open; which ones is not sorted out yet.
-pytestmark = pytest.mark.xfail(strict=False, reason="open defects of naming and fitting, being sorted out")
-
 KM = float(PLANT.motor_constant)
 UNITS = {"force": "N*m", "position": "rad", "input": "V"}
 

@@ -10,27 +10,25 @@ from frictionjax.estimation.fit import SLOW_BANDWIDTH
 from frictionjax.estimation.residuals import block_power
 from frictionjax.estimation.uncertainty import CLUSTER_BLOCKS
 from frictionjax.physics import Drive
-from frictionjax.simulation import innovation_gain, observer_gains
+from frictionjax.simulation import observer_gains
 
 
 class Scene(eqx.Module):
     """All recordings of a case, as the judgement sees them.
 
     **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the
-    observer (Hz), `floor` (power of the standardised innovations of a perfect model).
+    observer (Hz).
     """
 
     batch: Batch
     held_out: np.ndarray
     bandwidth: float = eqx.field(static=True)
-    floor: float = eqx.field(static=True)
 
 
 def make_scene(batch: Batch, held_out: np.ndarray) -> Scene:
     """The scene of `batch`, whose recordings are held out where `held_out` (bool, shape `(r,)`) says so."""
     dt = float(np.max(np.asarray(batch.dt)))
-    bandwidth = min(SLOW_BANDWIDTH, 0.1 / dt)
-    return Scene(batch, held_out, bandwidth, innovation_gain(bandwidth, dt) ** 2)
+    return Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt))
 
 
 class Judgement(eqx.Module):
@@ -60,16 +58,16 @@ def judge(drive: Drive, scene: Scene) -> Judgement:
     """Judge `drive` on every recording of the `scene`; only starting deflections are adapted."""
     batch = scene.batch
     gains = observer_gains(scene.bandwidth, batch.dt)
-    deflection, e = fit_deflections(drive, batch, gains, np.asarray(scene.floor))
+    deflection, e = fit_deflections(drive, batch, gains)
     power = np.nan_to_num(np.asarray(block_power(e, batch)), nan=1e30, posinf=1e30)
     count = np.asarray(batch.block_count)
-    loss = 0.5 * count * np.log((power + scene.floor) / (2.0 * scene.floor))
+    loss = 0.5 * count * np.log((power + 1.0) / 2.0)
 
     def misfit(values: np.ndarray, rows: np.ndarray) -> float:
         return float(values[rows].sum() / count[rows].sum()) if np.any(rows) else 0.0
 
     middle = np.array([np.median(p[c > 0]) for p, c in zip(power, count, strict=True)])
-    raised = np.clip(middle, scene.floor, _EVENLY_RAISED * scene.floor)[:, None]
+    raised = np.clip(middle, 1.0, _EVENLY_RAISED)[:, None]
     uneven = 0.5 * count * np.log((power + raised) / (2.0 * raised))
     short = -loss.shape[1] % CLUSTER_BLOCKS
     clusters = np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
@@ -87,13 +85,11 @@ def judge(drive: Drive, scene: Scene) -> Judgement:
 
 def explained(before: Judgement, after: Judgement) -> tuple[float, float]:
     """Share of the misfit of `before` that `after` removes: on fit recordings and on held-out ones."""
-    return tuple(
-        1.0 - new / old if old > 0.0 else 0.0
-        for new, old in (
-            (after.misfit_fit, before.misfit_fit),
-            (after.misfit_holdout, before.misfit_holdout),
-        )
-    )
+
+    def share(old: float, new: float) -> float:
+        return 1.0 - new / old if old > 0.0 else 0.0
+
+    return share(before.misfit_fit, after.misfit_fit), share(before.misfit_holdout, after.misfit_holdout)
 
 
 def energy_explained(before: Judgement, after: Judgement, scene: Scene) -> tuple[float, float]:
@@ -107,10 +103,8 @@ def energy_explained(before: Judgement, after: Judgement, scene: Scene) -> tuple
         scored = np.asarray(scene.batch.block_count)[rows] > 0
         old, new = before.power[rows][scored], after.power[rows][scored]
         cap = np.quantile(old, 0.95)
-        excess = np.mean(np.minimum(old, cap)) - scene.floor
-        shares.append(
-            float(1.0 - (np.mean(np.minimum(new, cap)) - scene.floor) / excess) if excess > 0 else 0.0
-        )
+        excess = np.mean(np.minimum(old, cap)) - 1.0
+        shares.append(float(1.0 - (np.mean(np.minimum(new, cap)) - 1.0) / excess) if excess > 0 else 0.0)
     return shares[0], shares[1]
 
 

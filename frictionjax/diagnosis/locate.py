@@ -125,8 +125,8 @@ def mismatch_map(
     """
     valid = np.asarray(scene.batch.valid) > 0
     power = {
-        "base": np.nan_to_num(base.e**2) / scene.floor,
-        "extended": np.nan_to_num(extended.e**2) / scene.floor,
+        "base": np.nan_to_num(base.e**2),
+        "extended": np.nan_to_num(extended.e**2),
     }
     bins: list[MismatchBin] = []
     for axis, masks in axes.items():

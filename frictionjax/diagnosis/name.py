@@ -75,7 +75,7 @@ def forms_to_try(
             if nuisance.grid == "period":
                 axes.append([(nuisance.name, period) for period in periods[str(nuisance.scale)]])
             else:
-                scale = nuisance.scale if isinstance(nuisance.scale, float) else scales[nuisance.scale]
+                scale = nuisance.scale if isinstance(nuisance.scale, float) else scales[str(nuisance.scale)]
                 axes.append([(nuisance.name, scale * value) for value in nuisance.grid])
         instances += [form(**dict(point)) for point in itertools.product(*axes)]
     return instances
@@ -115,7 +115,7 @@ def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, flo
 
     # A parameter of the present model sits at the same place; those of the new effect follow it.
     names = [strength.name for strength in instance.strengths]
-    where = [i for i in range(old, count) if extended.layout[i].label in names]
+    where = [i for i in range(old, count) if extended.layout[i].parameter.name in names]
     strengths = [extended.layout[i].parameter for i in where]
     probes = (
         [[(where[0], size)] for size in strengths[0].probes]
@@ -129,8 +129,7 @@ def try_effect(present: Present, instance: AbstractEffect, scales: dict[str, flo
     trials, first = [], 0
     power = block_power(present.e, setting.batch)
     scored = np.asarray(setting.batch.block_count) > 0
-    floor = present.problem.floor
-    knees = (floor, max(float(np.quantile(np.asarray(power)[scored], 0.7)), floor))
+    knees = (1.0, max(float(np.quantile(np.asarray(power)[scored], 0.7)), 1.0))
     for probe in probes:
         here = columns[first : first + len(probe)]
         first += len(probe)
@@ -150,7 +149,8 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
     prior = present.problem.setting.prior
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
-    candidates, linear, p_value, spread = [vector], 0.0, 1.0, None
+    candidates, linear, p_value = [vector], 0.0, 1.0
+    spread = np.full(len(where), np.inf)
     for knee in dict.fromkeys(knees):
         weight = weights(power, jnp.sqrt(jnp.asarray(knee)), setting.batch)
         gram, right, gradients = (
@@ -167,6 +167,9 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
             candidates.append(vector + jnp.asarray(change))
         if knee == knees[0]:
             p_value = _score_test(gradients)
+            if len(where) == 1 and extended.layout[where[0]].parameter.lower == 0.0:
+                # A strength that cannot be negative is tested on its own side.
+                p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value
             information = np.linalg.inv(gram + np.diag(ridge))[base:, base:]
             outer = gradients.T @ gradients
             spread = np.sqrt(np.diag(information @ outer @ information))
@@ -182,10 +185,12 @@ def _one_step(present, instance, extended, vector, where, columns, power, knees,
         linear_gain=linear,
         p_value=p_value,
         one_step={
-            p.label: float(np.clip(candidates[best][i] * p.scale, p.parameter.lower, p.parameter.upper))
+            p.parameter.name: float(
+                np.clip(candidates[best][i] * p.scale, p.parameter.lower, p.parameter.upper)
+            )
             for p, i in zip(free, where, strict=True)
         },
-        detectable={p.label: float(4.0 * s * p.scale) for p, s in zip(free, spread, strict=True)},
+        detectable={p.parameter.name: float(4.0 * s * p.scale) for p, s in zip(free, spread, strict=True)},
     )
 
 

@@ -20,9 +20,9 @@ from frictionjax.diagnosis.select import (
     effect_p_values,
     select,
 )
-from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained, Verdict
 from frictionjax.diagnosis.words import summary_sentence
-from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.batch import least_samples, make_batch
 from frictionjax.estimation.fit import FitResult, finish, fit
 from frictionjax.estimation.start import starting_values
 from frictionjax.physics.effects import catalogue
@@ -65,6 +65,15 @@ def _check(case: Case) -> None:
             file=case.name,
             cure="leave them out of the case; recordings of input and position can be diagnosed",
         )
+    for recording in case.recordings:
+        least = least_samples(recording.sample_rate)
+        if recording.x.size < least:
+            raise InputError(
+                f"{recording.x.size} samples are too few for a diagnosis",
+                file=case.name,
+                place=f"recording {recording.name}",
+                cure=f"at {recording.sample_rate:g} Hz it needs at least {least}; leave it out or record longer",
+            )
     if not case.fit_recordings or not case.holdout_recordings:
         raise InputError(
             "a diagnosis needs recordings to fit and at least one kept aside",
@@ -88,14 +97,18 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         encoder_step=plant.encoder_step,
         known_inertia=plant.inertia is not None,
         units=units,
-        progress=lambda stage, done: progress(stage, 0.02 + 0.28 * done),
+        progress=lambda stage, fraction: progress(stage, 0.02 + 0.28 * fraction),
     )
     clock.stage("base fit")
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
     scene = make_scene(batch, np.array([r.role == "holdout" for r in recordings]))
     steps = select(
-        base.problem, base.vector, scene, executor, lambda stage, done: progress(stage, 0.3 + 0.55 * done)
+        base.problem,
+        base.vector,
+        scene,
+        executor,
+        lambda stage, fraction: progress(stage, 0.3 + 0.55 * fraction),
     )
     clock.stage("naming")
     if steps[0].vector is not base.vector:
@@ -156,7 +169,7 @@ def _map(first: Judgement, last: Judgement, seen: View, base: FitResult, plant: 
     return mismatch_map(first, last, axes_of(motion, base.drive, plant, scene), scene)
 
 
-def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tuple[str, Unexplained]:
+def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tuple[Verdict, Unexplained]:
     """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
     explains enough of the whole; else `unknown`."""
     if first.structure < ADEQUATE_MISFIT and not any(step.accepted for step in steps):
@@ -183,7 +196,8 @@ def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tu
         if found is None:
             continue
         effect = found.trial.drive.effects[-1]
-        labels = {p.name for p in effect.strengths + effect.nuisances}
+        own = f"effects.{len(found.trial.drive.effects) - 1}."
+        named = {p.parameter.name: extended[p.label] for p in found.problem.layout if p.path.startswith(own)}
         members = (found.effect, *step.rivals)
         missing.append(
             MissingEffect(
@@ -193,7 +207,7 @@ def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tu
                 confidence=round(float(np.clip(min(found.share_fit, found.share_holdout), 0.0, 0.99)), 3)
                 / len(members),
                 p_value=effect_p_values(step.trials)[found.effect],
-                parameters={k: v for k, v in extended.items() if k in labels},
+                parameters=named,
                 where=where,
                 split_by=effect.about.split_by if len(members) > 1 else "",
                 sentence=effect.about.sentence,

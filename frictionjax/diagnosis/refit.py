@@ -7,6 +7,7 @@ from frictionjax.diagnosis.judge import Judgement, Scene, energy_explained, expl
 from frictionjax.diagnosis.name import Trial
 from frictionjax.estimation.fit import SLOW_BANDWIDTH, Problem, descend
 
+_LEFT = 0.5  # part of the present misfit: a refit that leaves more of it gets a second start
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -63,16 +64,29 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float) -> list[Tri
 def refit(trial: Trial, present: Judgement, scene: Scene) -> Refitted:
     """Refit one trial from its one-step estimate: fast observer, then slow; then judge it against `present`.
 
+    A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
+    look refuted. One that explains little is fitted again, from where the base fit began.
+
     **Arguments:**
 
     - `trial`: the candidate.
     - `present`: judgement of the model without it.
     - `scene`: all recordings.
     """
-    vector, _, _ = descend(trial.problem, trial.vector, graduate=False, rounds=2, tolerance=0.2)
+    vector, value = _converged(trial.problem, trial.vector, graduate=False)
+    if value > _LEFT * present.misfit_fit:
+        again, other = _converged(trial.problem, trial.problem.setting.start, graduate=True)
+        if other < value:
+            vector = again
     slow = trial.problem.at_bandwidth(SLOW_BANDWIDTH)
-    vector, _, _ = descend(slow, vector, graduate=False, rounds=5, tolerance=0.01)
     return _compared(trial, slow, vector, judge(slow.drive(vector), scene), present, scene)
+
+
+def _converged(problem: Problem, vector: Float[Array, " q"], *, graduate: bool):
+    """Vector and misfit after a descent with the fast observer, then with the slow one."""
+    vector, _, _ = descend(problem, vector, graduate=graduate, rounds=6, tolerance=0.2)
+    slow = problem.at_bandwidth(SLOW_BANDWIDTH)
+    return descend(slow, vector, graduate=False, rounds=15, tolerance=0.02)[:2]
 
 
 def polish(candidate: Refitted, present: Judgement, scene: Scene) -> Refitted:

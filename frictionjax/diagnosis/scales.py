@@ -1,5 +1,6 @@
 """The plant's own sizes, in which strengths of effects are measured and nuisances are tried."""
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.signal import find_peaks
 
@@ -49,7 +50,7 @@ def wavelengths(
     - `odd`: True for a force against the motion, False for one that does not care for its direction.
     - `count`: how many periods.
     """
-    power = np.asarray(batch.block_mean(innovation**2))
+    power = np.asarray(batch.block_mean(jnp.asarray(innovation**2)))
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
     top = max(float(np.quantile(np.abs(speed), 0.999)), 1e-300)
     sliding = (np.abs(speed) > 0.02 * top) & (weight > 0)

@@ -12,6 +12,8 @@ from frictionjax.diagnosis.output import SCHEMA as SCHEMA
 from frictionjax.diagnosis.output import save_diagnosis
 from frictionjax.recordings import Plant
 
+Verdict = Literal["adequate", "named", "unknown"]
+
 
 class MissingEffect(eqx.Module):
     """One named piece of missing physics.
@@ -119,7 +121,7 @@ class Diagnosis(eqx.Module):
 
     case: str = eqx.field(static=True)
     plant: Plant
-    verdict: Literal["adequate", "named", "unknown"] = eqx.field(static=True)
+    verdict: Verdict = eqx.field(static=True)
     summary: str = eqx.field(static=True)
     missing: tuple[MissingEffect, ...]
     unexplained: Unexplained

@@ -62,11 +62,27 @@ def noise_level(recording: Recording, encoder_step: float | None = None) -> floa
     # chi-square with that many degrees of freedom is a little below its mean (Wilson and Hilferty).
     below = (1.0 - 2.0 / (9.0 * stretch / 2.626)) ** 3
     level = float(np.sqrt(np.median(np.mean(usable**2, axis=1)) / 70.0 / below))
-    return max(level, encoder_step / np.sqrt(12.0))
+    # A machine that never moves, under an encoder of unknown step, shows neither noise nor step.
+    smallest = max(1e-9 * float(np.max(np.abs(recording.x))), 1e-12)
+    return max(level, encoder_step / np.sqrt(12.0)) or smallest
+
+
+def least_samples(sample_rate: float) -> int:
+    """Samples that a recording must have to be scored at all: the observer's settling and two blocks."""
+    return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
 
 
 def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
-    """Put force-driven `recordings` side by side in a `Batch`."""
+    """Put force-driven `recordings` side by side in a `Batch`.
+
+    **Raises:** `ValueError` when one of them is shorter than the observer's settling and two blocks, 0.2 s.
+    """
+    for recording in recordings:
+        if recording.x.size < least_samples(recording.sample_rate):
+            raise ValueError(
+                f"Recording `{recording.name}` has {recording.x.size} samples; at {recording.sample_rate:g} Hz "
+                f"{least_samples(recording.sample_rate)} are the least: leave it out."
+            )
     block = max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
     longest = max(r.x.size for r in recordings)
     padded = -(-longest // block) * block

@@ -15,7 +15,7 @@ _STEPS = 4
 
 @eqx.filter_jit
 def fit_deflections(
-    drive: Drive, batch: Batch, gains: Gains, floor: Float[Array, ""]
+    drive: Drive, batch: Batch, gains: Gains
 ) -> tuple[Float[Array, " r"], Float[Array, "r n"]]:
     """Starting deflections (over Fs/sigma0, in [-1, 1]) by robust Gauss-Newton, and the innovations they leave.
 
@@ -24,7 +24,6 @@ def fit_deflections(
     - `drive`: the model, nothing of which is changed.
     - `batch`: the recordings, `r` of them.
     - `gains`: observer gains, shape `(r,)`.
-    - `floor`: power of the standardised innovations that a perfect model leaves.
 
     **Returns:**
 
@@ -36,7 +35,7 @@ def fit_deflections(
 
     def step(z0, _):
         e, column = jax.jvp(errors, (z0,), (jnp.ones_like(z0),))
-        weight = weights(block_power(e, batch), jnp.sqrt(floor), batch)
+        weight = weights(block_power(e, batch), jnp.ones(()), batch)
         # The prior of half a break-away deflection keeps a recording without stick at rest.
         slope = jnp.sum(weight * column * e, axis=1) + 4.0 * z0
         change = slope / (jnp.sum(weight * column * column, axis=1) + 4.0)

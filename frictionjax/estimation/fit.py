@@ -29,12 +29,13 @@ from frictionjax.estimation.uncertainty import estimates, normal_equations, sand
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Recording
-from frictionjax.simulation import innovation_gain, observer_gains
+from frictionjax.simulation import observer_gains
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
 """Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
 
 _STEPS = 3  # of Levenberg-Marquardt, between two re-weightings
+_SHORTER = 2  # times that a round without any gain is tried again
 _PROLONGED = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the way that a round went
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee of the likelihood, in turn
 _PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
@@ -43,21 +44,17 @@ _PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard devia
 class Problem(eqx.Module):
     """Recordings and layout of one model structure, ready to be fitted.
 
-    **Attributes:** `layout` (free parameters), `setting` (everything else), `floor` (power of the standardised
-    innovations that a perfect model leaves).
+    **Attributes:** `layout` (free parameters), `setting` (everything else).
     """
 
     layout: tuple[Free, ...] = eqx.field(static=True)
     setting: Setting
-    floor: float
 
     def at_bandwidth(self, bandwidth: float) -> "Problem":
         """The same problem seen by an observer of `bandwidth` Hz."""
         dt = self.setting.batch.dt
         gains = observer_gains(min(bandwidth, 0.1 / float(jnp.max(dt))), dt)
-        setting = eqx.tree_at(lambda s: s.gains, self.setting, gains)
-        floor = innovation_gain(min(bandwidth, 0.1 / float(jnp.max(dt))), float(dt[0])) ** 2
-        return Problem(self.layout, setting, floor)
+        return Problem(self.layout, eqx.tree_at(lambda s: s.gains, self.setting, gains))
 
     def weighted(self, power: Float[Array, "r b"], knee: float) -> "Problem":
         """The same problem with the weights of the block powers `power` and the knee `knee` (in noise levels)."""
@@ -74,7 +71,7 @@ class Problem(eqx.Module):
 
     def misfits(self, *vectors: Float[Array, " q"]) -> Float[np.ndarray, " k"]:
         """Robust misfit per sample of each of `vectors`: 0 when every block is at the noise floor."""
-        return _misfits(self.powers(*vectors), self.floor, self.setting.batch)
+        return _misfits(self.powers(*vectors), 1.0, self.setting.batch)
 
     def power(self, vector: Float[Array, " q"]) -> Float[Array, "r b"]:
         """Block powers of the standardised innovations, shape `(r, b)`."""
@@ -96,7 +93,7 @@ def _block_powers(e, batch):
 
 
 def _misfits(powers: Float[Array, "k r b"], floor: float, batch: Batch) -> Float[np.ndarray, " k"]:
-    """Robust misfit per sample against `floor`; infinite where a trajectory is not finite."""
+    """Robust misfit per sample against `floor` (1: noise); infinite where a trajectory is not finite."""
     values = np.asarray(jax.vmap(lambda power: mismatch(power, jnp.asarray(floor), batch))(powers))
     return np.where(np.isfinite(values), values, np.inf)
 
@@ -126,7 +123,7 @@ def make_problem(
     deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
     prior = 1.0 / jnp.asarray(deviation + [_PRIOR_DEFLECTION] * recordings)
     gains = observer_gains(bandwidth, batch.dt)
-    problem = Problem(layout, Setting(drive, batch, gains, batch.valid, start, prior), 1.0)
+    problem = Problem(layout, Setting(drive, batch, gains, batch.valid, start, prior))
     return problem.at_bandwidth(bandwidth), start
 
 
@@ -167,7 +164,7 @@ def extend_problem(
         insert(setting.start, start),
         insert(setting.prior, 1.0 / jnp.asarray(deviation)),
     )
-    return Problem(present.layout + added, setting, present.floor), insert(vector, start), drive
+    return Problem(present.layout + added, setting), insert(vector, start), drive
 
 
 def descend(
@@ -197,23 +194,29 @@ def descend(
     """
     scored = np.asarray(problem.setting.batch.block_count) > 0
     power = problem.power(vector)
-    best, best_value = vector, float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
+    best, best_value = vector, float(_misfits(power[None], 1.0, problem.setting.batch)[0])
     unit = None
     if graduate:
         for quantile in _GRADUATION:
-            level = max(float(np.quantile(np.asarray(power)[scored], quantile)), problem.floor)
-            if level < 1.2 * problem.floor:
+            level = max(float(np.quantile(np.asarray(power)[scored], quantile)), 1.0)
+            if level < 1.2:
                 continue  # the next knee would be the floor: that is what the rounds below do
             vector, power, _, unit = _round(problem, vector, power, level, unit)
-            value = float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
+            value = float(_misfits(power[None], 1.0, problem.setting.batch)[0])
             if value < best_value:
                 best, best_value = vector, value
         power = problem.power(best)
+    shorter = 0
     for _ in range(rounds):
-        vector, moved, value, unit = _round(problem, best, power, problem.floor, unit)
+        vector, moved, value, unit = _round(problem, best, power, 1.0, unit)
         gained = best_value - value
         if gained > 0:
             best, power, best_value = vector, moved, value
+        if gained < 1e-5 and shorter < _SHORTER:
+            # Not one step was good: they went too far, through an event such as a break-away. Shorter units are more
+            # damping.
+            shorter, unit = shorter + 1, unit / 8.0
+            continue
         if gained < max(1e-4, tolerance * best_value):
             return best, best_value, True
     return best, best_value, False
@@ -240,9 +243,19 @@ def _first_descent(problem: Problem, vector: Float[Array, " q"]) -> tuple[Float[
     level = float(np.quantile(np.nan_to_num(np.asarray(power)[scored], nan=1e12, posinf=1e12), 0.8))
     moved = vector
     for _ in range(2):
-        moved, power, _, unit = _round(problem, moved, power, max(level, problem.floor), unit)
-    value = float(_misfits(power[None], problem.floor, problem.setting.batch)[0])
+        moved, power, _, unit = _round(problem, moved, power, max(level, 1.0), unit)
+    value = float(_misfits(power[None], 1.0, problem.setting.batch)[0])
     return (moved, value) if np.isfinite(value) else (vector, float("inf"))
+
+
+def _positive(drive: Drive) -> None:
+    """A logarithm needs a positive start; zero would leave the fit where it began."""
+    values = {"J": drive.J} | {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
+    bad = [f"{name} = {float(value):g}" for name, value in values.items() if not float(value) > 0.0]
+    if bad:
+        raise ValueError(
+            f"`drive` starts at {', '.join(bad)}; a fit needs positive starting values, however small."
+        )
 
 
 class FitResult(eqx.Module):
@@ -275,10 +288,14 @@ class FitResult(eqx.Module):
 
 def finish(problem: Problem, vector: Float[Array, " q"], converged: bool, units: dict[str, str]) -> FitResult:
     """Standard errors and message for the end of a fit; `units` maps force, position, input to unit names."""
-    final = problem.weighted(problem.power(vector), problem.floor**0.5)
+    final = problem.weighted(problem.power(vector), 1.0)
     hessian, gradients = (np.asarray(a) for a in normal_equations(final.layout, vector, final.setting))
     computable = bool(np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradients)))
-    covariance = sandwich(hessian, gradients) if computable else np.full(hessian.shape, np.inf)
+    covariance = (
+        sandwich(hessian, gradients, np.asarray(final.setting.prior))
+        if computable
+        else np.full(hessian.shape, np.inf)
+    )
     count = len(problem.layout)
     ends = at_a_bound(problem.layout, vector[:count], problem.setting.start[:count])
     message = "The fit converged." if converged else "The fit stopped while still improving slightly."
@@ -330,13 +347,16 @@ def fit(
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `ValueError` when there is no recording.
+    `PrecisionError` unless JAX computes in float64; `ValueError` when there is no recording, one is too short, or a
+    positive parameter starts at zero or below.
     """
     require_x64()
     if not recordings:
         raise ValueError("`recordings` is empty; `fit` needs at least one recording.")
     starts = (drive,) if isinstance(drive, Drive) else tuple(drive)
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
+    for start in starts:
+        _positive(start)
     tried = []
     # One template for all starts: the vector carries the start, and nothing is compiled twice.
     problem, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)

@@ -1,7 +1,7 @@
 """Free parameters of a drive as one scaled vector, in which a step of 1 is a large but sensible step.
 
-Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), sigma1 as the logarithm of the damping ratio
-sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
+Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), sigma0 as log(sigma0/J), sigma1 as the logarithm of
+the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
 """
 
 import dataclasses
@@ -32,16 +32,13 @@ _WIDEST = 1e4
 
 
 class Free(eqx.Module):
-    """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), and its `scale`."""
+    """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `scale`, and its `label`
+    (the parameter's own name, with that of its effect before it where another parameter has the same)."""
 
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
     scale: float = eqx.field(static=True)
-
-    @property
-    def label(self) -> str:
-        """Name as in the verdict: the parameter's own name."""
-        return self.path.rsplit(".", 1)[-1]
+    label: str = eqx.field(static=True)
 
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
@@ -62,27 +59,31 @@ _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 def base_layout(drive: Drive, dt: float, *, known_inertia: bool = False) -> tuple[Free, ...]:
     """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s."""
-    inertia = () if known_inertia else (Free("J", _INERTIA, 1.0),)
-    stiffest = float(drive.J) * (_FASTEST / dt) ** 2
+    inertia = () if known_inertia else (Free("J", _INERTIA, 1.0, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
         if parameter.name == "sigma0":
-            parameter = dataclasses.replace(parameter, upper=stiffest)
-        friction.append(Free(f"friction.{parameter.name}", parameter, 1.0))
+            parameter = dataclasses.replace(parameter, upper=(_FASTEST / dt) ** 2)
+        friction.append(Free(f"friction.{parameter.name}", parameter, 1.0, parameter.name))
     return inertia + tuple(friction)
 
 
 def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> tuple[Free, ...]:
     """The free parameters of the effects of `drive`, from effect number `first` on; `scales` gives the plant's own
     sizes by name."""
-    layout = []
-    for index, effect in enumerate(drive.effects[first:], start=first):
+    layout, taken = [], {"J", *(parameter.name for parameter in drive.friction.parameters)}
+    for index, effect in enumerate(drive.effects):
         for parameter in effect.strengths + effect.nuisances:
-            if parameter.transform != "none":
-                scale = 1.0
-                if parameter.transform == "linear":
-                    scale = parameter.scale if isinstance(parameter.scale, float) else scales[parameter.scale]
-                layout.append(Free(f"effects.{index}.{parameter.name}", parameter, float(scale)))
+            label = f"{effect.name}.{parameter.name}" if parameter.name in taken else parameter.name
+            taken.add(label)
+            if index < first or parameter.transform == "none":
+                continue
+            scale = 1.0
+            if parameter.transform == "linear":
+                scale = (
+                    parameter.scale if isinstance(parameter.scale, float) else scales[str(parameter.scale)]
+                )
+            layout.append(Free(f"effects.{index}.{parameter.name}", parameter, float(scale), label))
     return tuple(layout)
 
 
@@ -102,6 +103,8 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
         value = _getter(free.path)(drive)
         if free.path == "friction.Fs":
             values.append(jnp.log(jnp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS)))
+        elif free.path == "friction.sigma0":
+            values.append(jnp.log(value / drive.J))
         elif free.path == "friction.sigma1":
             values.append(jnp.log(value / (2.0 * jnp.sqrt(drive.friction.sigma0 * drive.J))))
         elif free.parameter.transform == "log":
@@ -125,7 +128,7 @@ def unpack(
     """`drive` with its free parameters set from `vector`; each stays inside its range."""
     getters = [_getter(free.path) for free in layout]
     values = []
-    # Fs is told by Fc, and sigma1 by J and sigma0, which come before them in every layout (or are known).
+    # Fs is told by Fc, sigma0 by J, sigma1 by both; these come before them in every layout (or are known).
     known = {"J": drive.J, "friction.sigma0": drive.friction.sigma0, "friction.Fc": drive.friction.Fc}
     for index, free in enumerate(layout):
         coordinate = jnp.clip(vector[index], *free.range(start[index]))
@@ -133,6 +136,8 @@ def unpack(
             value = jnp.exp(coordinate)
             if free.path == "friction.Fs":
                 value = known["friction.Fc"] * (1.0 + value)
+            elif free.path == "friction.sigma0":
+                value = known["J"] * value
             elif free.path == "friction.sigma1":
                 value = value * 2.0 * jnp.sqrt(known["friction.sigma0"] * known["J"])
             known[free.path] = value

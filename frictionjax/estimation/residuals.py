@@ -7,13 +7,14 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import Batch
 from frictionjax.physics import Drive
-from frictionjax.simulation import Gains, innovations
+from frictionjax.simulation import Gains, innovation_gain, innovations
 
 
 def standardised(
     drive: Drive, z0: Float[Array, " r"], batch: Batch, gains: Gains, *, substeps: int = 1
 ) -> Float[Array, "r n"]:
-    """Innovations over the noise level, 0 where not scored; shape `(r, n)`.
+    """Innovations over what the noise alone makes of them: 1 in the mean square for a perfect model, at any sample
+    rate; 0 where not scored. Shape `(r, n)`.
 
     **Arguments:**
 
@@ -39,7 +40,7 @@ def standardised(
     raw = jax.vmap(one)(
         batch.u, batch.x, batch.dt, gains.position, gains.velocity, batch.x0, batch.v0, deflection
     )
-    return raw / batch.noise[:, None] * batch.valid
+    return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 
 
 def block_power(e: Float[Array, "r n"], batch: Batch) -> Float[Array, "r b"]:
@@ -55,7 +56,7 @@ def weights(power: Float[Array, "r b"], knee: Float[Array, ""], batch: Batch) ->
 
 @eqx.filter_jit
 def mismatch(power: Float[Array, "r b"], floor: Float[Array, ""], batch: Batch) -> Float[Array, ""]:
-    """Mean per sample of 1/2 log((block power + floor) / (2 floor)): 0 when every block is at the floor.
+    """Mean per sample of 1/2 log((block power + floor) / (2 floor)): 0 when every block is at the `floor` (1: noise).
 
     The block-wise Cauchy likelihood: every block counts by its relative error.
     """

@@ -51,12 +51,8 @@ def smooth_motion(recording: Recording, motor_constant: float, seconds: float = 
     dt = 1.0 / recording.sample_rate
     # The input is held between samples: on the average it acts half a sample later than its time stamp.
     held = 0.5 * (recording.u + np.concatenate([recording.u[:1], recording.u[:-1]]))
-    return SlidingMotion(
-        x=savgol_filter(recording.x, window, 3),
-        v=savgol_filter(recording.x, window, 3, deriv=1, delta=dt),
-        a=savgol_filter(recording.x, window, 3, deriv=2, delta=dt),
-        force=motor_constant * savgol_filter(held, window, 3),
-    )
+    x, v, a = (np.asarray(savgol_filter(recording.x, window, 3, deriv=d, delta=dt)) for d in (0, 1, 2))
+    return SlidingMotion(x, v, a, motor_constant * np.asarray(savgol_filter(held, window, 3)))
 
 
 def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = None) -> SlidingFit:

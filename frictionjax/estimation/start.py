@@ -56,6 +56,11 @@ def starting_values(
             "Inertia, Coulomb and viscous friction explain little of the force in sliding "
             f"(left unexplained: {100 * min(sliding.unexplained, 1.0):.0f} %)."
         )
+    if stick is not None and not _slides(recordings, motions, stick):
+        notes.append(
+            "No recording slides: friction is bounded from below only, and its velocity dependence unseen."
+        )
+        return Start(_without_sliding(motions, stick, motor_constant), tuple(notes), True)
     J = sliding.J if sliding.credible or stick is None else stick.J.value
     effort = max(float(np.sqrt(np.mean(m.force**2))) for m in motions)
     if J <= 0.0:
@@ -85,6 +90,36 @@ def starting_values(
     return Start(tuple(drives), tuple(notes), stick is not None)
 
 
+_DEFLECTIONS = 10.0
+"""How many bristle deflections a machine may move before it must have slid."""
+
+
+def _slides(recordings: tuple[Recording, ...], motions: tuple[SlidingMotion, ...], stick: SKResult) -> bool:
+    """Whether any recording moves further than bristles can bend under the largest force in it."""
+    return any(
+        float(np.ptp(recording.x))
+        > _DEFLECTIONS * float(np.max(np.abs(motion.force))) / stick.stiffness.value
+        for recording, motion in zip(recordings, motions, strict=True)
+    )
+
+
+def _without_sliding(
+    motions: tuple[SlidingMotion, ...], stick: SKResult, motor_constant: float
+) -> tuple[Drive, ...]:
+    """Starts for a machine that was never seen to slide: what it held is the least that its friction can be."""
+    J, stiffness, damping = stick.J.value, stick.stiffness.value, stick.damping.value
+    held = max(float(np.max(np.abs(m.force))) for m in motions)
+    speed = held / np.sqrt(stiffness * J)
+    return tuple(
+        Drive(
+            J,
+            LuGre(stiffness, 0.95 * damping, 0.05 * damping, 0.8 * margin * held, margin * held, 0.1 * speed),
+            motor_constant,
+        )
+        for margin in (1.2, 3.0)
+    )
+
+
 def _best_stick(
     recordings: tuple[Recording, ...],
     motions: tuple[SlidingMotion, ...],
@@ -106,6 +141,9 @@ def _best_stick(
         sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant, fit_delay=True)
         positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
         if not positive:
+            continue
+        # Noise that drives the machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction.
+        if sliding.credible and np.sqrt(np.mean(recording.u**2)) * motor_constant > sliding.Fc:
             continue
         # In stick the machine stays within a few bristle deflections; in sliding "stiffness" is a fiction.
         deflection = np.max(np.abs(motion.force)) / sk.stiffness.value

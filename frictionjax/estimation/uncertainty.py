@@ -12,6 +12,8 @@ from frictionjax.estimation.parameters import Free, physical
 CLUSTER_BLOCKS = 10
 """Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 
+_LEANS = 0.25  # of the prior's variance: data that leave more of it than this say little
+
 
 def normal_equations(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
@@ -37,11 +39,20 @@ def cluster_gradients(
     return product.reshape(columns.shape[0], -1, length).sum(-1).T
 
 
-def sandwich(hessian: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, shape `(q, q)`."""
+def sandwich(hessian: np.ndarray, gradients: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
+    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, shape `(q, q)`.
+
+    A coordinate whose curvature is mostly that of its weak prior (`prior`: inverse standard deviations, shape `(q,)`)
+    is not known from the data, however little they scatter along it: its variance is then not below H^-1.
+    """
     inverse = np.linalg.pinv(hessian, hermitian=True)
     active = int(np.sum(np.any(gradients != 0.0, axis=1)))
-    return inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
+    covariance = inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
+    if prior is not None:
+        own = np.diag(inverse)
+        leans = own * prior**2 > _LEANS
+        covariance += np.diag(np.where(leans, np.maximum(own - np.diag(covariance), 0.0), 0.0))
+    return covariance
 
 
 def estimates(

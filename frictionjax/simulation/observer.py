@@ -8,7 +8,6 @@ noise (`innovation_gain`), so that "nothing is missing" is an absolute statement
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
@@ -32,21 +31,15 @@ def observer_gains(bandwidth: float | Float[Array, "..."], dt: float | Float[Arr
     return Gains(1.0 - pole**2, (1.0 - pole) ** 2 / dt)
 
 
-def innovation_gain(bandwidth: float, dt: float) -> float:
+def innovation_gain(gains: Gains) -> Float[Array, "..."]:
     """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
 
-    From the transfer function of noise to innovation, (1 - q)^2 / (1 - p q)^2 with q the unit delay.
+    The norm of (1 - q)^2 / (1 - p q)^2, from noise to innovation with q the unit delay: sqrt(2 (3 + p) / (1 + p)^3).
 
-    **Arguments:**
-
-    - `bandwidth`: of the observer, Hz.
-    - `dt`: s per sample.
+    **Arguments:** `gains`, from `observer_gains`, of any shape; the gain has the same shape.
     """
-    p = float(np.exp(-2.0 * np.pi * bandwidth * dt))
-    frequency = np.linspace(0.0, np.pi, 20001)
-    q = np.exp(-1j * frequency)
-    power = np.abs((1.0 - q) ** 2 / (1.0 - p * q) ** 2) ** 2
-    return float(np.sqrt(np.trapezoid(power, frequency) / np.pi))
+    pole = jnp.sqrt(1.0 - gains.position)
+    return jnp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3)
 
 
 class Observed(eqx.Module):
