@@ -71,7 +71,9 @@ def _truth(arm: Arm, seed: int) -> str:
     truth: dict = {"seed": seed, "missing": [], "base": base}
     if arm.share > 0.0:
         truth["missing"] = ["maxwell_slip"]
-        truth["maxwell_slip"] = {name: numbers[name] for name in ("share", "elements", "spread")}
+        # Largest over smallest yield; the fitting side has a parameter of another meaning under the name `spread`.
+        numbers["yield_ratio"] = numbers["spread"]
+        truth["maxwell_slip"] = {name: numbers[name] for name in ("share", "elements", "yield_ratio")}
     return json.dumps(truth, indent=1) + "\n"
 
 
