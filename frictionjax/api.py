@@ -26,10 +26,15 @@ from frictionjax.recordings import load_case as load_case
 from frictionjax.report import write_report
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
+from frictionjax.studies import Design as Design
+from frictionjax.studies import Study as Study
+from frictionjax.studies import level_sweep as level_sweep
+from frictionjax.studies import run_study as run_study
 
 __all__ = [
     "FRF",
     "Case",
+    "Design",
     "Diagnosis",
     "Drive",
     "Estimate",
@@ -40,6 +45,7 @@ __all__ = [
     "Plant",
     "PrecisionError",
     "Recording",
+    "Study",
     "Trajectory",
     "audit",
     "case_from_files",
@@ -49,8 +55,10 @@ __all__ = [
     "excitation",
     "fit",
     "fit_sk",
+    "level_sweep",
     "linearize",
     "load_case",
+    "run_study",
     "simulate",
 ]
 

@@ -22,6 +22,7 @@ EXPECTED = sorted(
         *CONTRACT,
         *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue"),
         *("Diagnosis", "Estimate", "FRF", "FitResult", "Trajectory"),
+        *("Design", "Study", "run_study", "level_sweep"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }
 )
