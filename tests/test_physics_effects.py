@@ -11,11 +11,17 @@ import pytest
 from helpers_plants import FORMS, NUISANCES, TABLE_I, effect
 
 from frictionjax.physics import catalogue
-from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractInputEffect
+from frictionjax.physics.effects import (
+    AbstractEffect,
+    AbstractForceEffect,
+    AbstractInputEffect,
+    AbstractSpringEffect,
+)
+from frictionjax.simulation import simulate
 
 NAMES = [
-    *("constant_load", "delay", "direction_asymmetry", "drive_lag", "maxwell_slip"),
-    *("position_dependence", "return_spring", "ripple", "stribeck_shape"),
+    *("constant_load", "creep", "delay", "direction_asymmetry", "drive_lag", "maxwell_slip"),
+    *("nonlinear_bristle", "position_dependence", "return_spring", "ripple", "stribeck_shape"),
 ]
 
 
@@ -74,6 +80,8 @@ def _wave(x, sine, cosine, period=4e-4):
 
 
 SLIDING = {
+    # What creeps is slow: in sliding its bristle sees a little less than the velocity, and carries the same.
+    "Creep": ({"compliance": 0.1}, lambda x, v: np.sign(v) * _level(v) + S2 * v),
     "ConstantLoad": ({"load": 0.3}, lambda x, v: np.sign(v) * _level(v) + S2 * v + 0.3),
     "DirectionAsymmetry": (
         {"coulomb": 0.2},
@@ -106,7 +114,10 @@ SLIDING = {
 
 
 def test_the_table_of_closed_forms_is_complete():
-    assert set(SLIDING) == {name for name, form in FORMS.items() if not issubclass(form, AbstractInputEffect)}
+    others = {
+        name for name, form in FORMS.items() if issubclass(form, AbstractInputEffect | AbstractSpringEffect)
+    }
+    assert set(SLIDING) == set(FORMS) - others
 
 
 @pytest.mark.parametrize("form", SLIDING)
@@ -123,6 +134,37 @@ def test_force_of_steady_sliding_is_the_closed_form(form):
     force, rate = jax.jit(jax.vmap(sliding))(x, v)
     np.testing.assert_allclose(force, closed_form(x, v), rtol=1e-12)
     assert float(jnp.max(jnp.abs(rate))) < 1e-13  # sliding is steady: no bristle bends further
+
+
+@pytest.mark.parametrize("hardening", [-0.12, 0.0, 0.8])
+def test_a_nonlinear_bristle_slides_at_the_same_level_bent_less_or_more(hardening):
+    """Closed form: sigma0 z (1 + hardening (sigma0 z/Fs)^2) = G, a cubic in z."""
+    drive = TABLE_I.with_effects(effect("NonlinearBristle", hardening=hardening))
+    for v in (-0.05, 4e-4, 0.2):
+        roots = (
+            np.roots([hardening * (S0 / FS) ** 2, 0.0, 1.0, -_level(v) / S0])
+            if hardening
+            else [_level(v) / S0]
+        )
+        z = min(float(np.real(r)) for r in roots if abs(np.imag(r)) < 1e-9 and np.real(r) > 0.0)
+        bent = jnp.asarray([np.sign(v) * z])
+        force, rate = drive.friction_force(drive.bristles(), jnp.zeros(()), jnp.asarray(v), bent, H)
+        assert float(force) == pytest.approx(np.sign(v) * _level(v) + S2 * v, rel=1e-9)
+        assert abs(float(rate[0])) < 1e-9 * abs(v)
+
+
+def test_creep_goes_on_under_a_constant_force_and_ends():
+    """Half of break-away held for ten time constants: the elastic deflection, then compliance times as much again."""
+    drive = TABLE_I.with_effects(effect("Creep", compliance=0.3, time_constant=0.02))
+    x = np.asarray(
+        simulate(drive, np.full(800, 0.075), 2000.0).x
+    )  # a twentieth of Fs: the bristle stays straight
+    elastic = float(simulate(TABLE_I, np.full(800, 0.075), 2000.0).x[-1])
+    assert x[-1] / elastic == pytest.approx(1.3, rel=0.02)
+    at_one = (
+        x[40 + 20] / elastic - 1.0
+    )  # one time constant after the elastic response, which takes some 10 ms
+    assert at_one == pytest.approx(0.3 * (1.0 - np.exp(-(60 - 10) / 40)), rel=0.1)
 
 
 def test_outside_the_stroke_the_polynomial_stays_where_it_was():

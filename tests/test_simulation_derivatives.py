@@ -56,7 +56,9 @@ def test_derivatives_at_rest_are_zero_by_both_modes():
         assert not np.any(derivative(jnp.zeros(7), jnp.zeros(N)))
 
 
-UNITS = np.array([1e-2, 1e-5, 1e-2, 1e-2, 1e-5, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 30.0, 1e-2, 1e-2, 1e-2])
+UNITS = np.array(
+    [1e-2, 1e-2, 1e-5, 1e-2, 1e-2, 1e-5, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 30.0, 1e-2, 1e-2, 1e-2]
+)
 """A small value of each of STRENGTHS, for scale."""
 ZERO = jnp.zeros(len(STRENGTHS))
 ONE_SIDED = ("delay", "time_constant", "share")

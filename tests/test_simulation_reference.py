@@ -133,7 +133,7 @@ def test_an_input_of_another_rank_is_refused():
         simulate_reference(ROTARY, np.zeros((2, 3)), RATE)
 
 
-SIZES = [0.2, 0.7e-3, 0.1, 0.5, 1e-3, 0.0, 0.3, -0.2, 0.2, 0.2, 3e3, 0.1, 0.1, -0.8]
+SIZES = [0.2, 2.5, 0.7e-3, 0.1, 0.5, 1e-3, 0.0, 0.6, 0.3, -0.2, 0.2, 0.2, 3e3, 0.1, 0.1, -0.8]
 """A strength for each of STRENGTHS."""
 
 

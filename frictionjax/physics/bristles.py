@@ -42,9 +42,7 @@ class Bristles(eqx.Module):
     def rate(
         self,
         v: Float[Array, ""],
-        z: Float[Array, " n"],
-        level: Float[Array, ""],
-        sigma0: Float[Array, ""],
+        bend: Float[Array, "..."],
         stick: Float[Array, " n"] | Float[Array, ""],
     ) -> Float[Array, " n"]:
         """dz/dt of every element, position/s, shape `(n,)`, as it counts for damping.
@@ -54,13 +52,11 @@ class Bristles(eqx.Module):
 
         **Arguments:**
 
-        - `v`: velocity, position/s.
-        - `z`: deflection of each element, position units, shape `(n,)`.
-        - `level`: steady-state friction level G at this velocity, force.
-        - `sigma0`: stiffness of the whole bank, force/position.
+        - `v`: velocity that the bristles see, position/s.
+        - `bend`: force of LuGre's bristle over the friction level G, sigma0 z/G; scalar, or one per element.
         - `stick`: velocity of the elasto-slip elements, or its mean over a step in which they yield, position/s.
         """
-        return jnp.where(self.lugre, v - jnp.abs(v) * (sigma0 * z / level), stick)
+        return jnp.where(self.lugre, v - jnp.abs(v) * bend, stick)
 
 
 def bristles_of(effects: tuple[AbstractEffect, ...]) -> Bristles:

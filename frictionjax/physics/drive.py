@@ -11,6 +11,8 @@ from frictionjax.physics.effects.base import (
     AbstractForceEffect,
     AbstractInputEffect,
     AbstractLevelEffect,
+    AbstractSpringEffect,
+    AbstractStateEffect,
 )
 from frictionjax.physics.lugre import LuGre
 
@@ -59,6 +61,34 @@ class Drive(eqx.Module):
                 level = effect.level(level, self.friction, x, v)
         return level
 
+    @property
+    def hidden_count(self) -> int:
+        """Number of states that effects add to position, velocity and bristles."""
+        return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))
+
+    def spring_force(self, z: Float[Array, ""]) -> Float[Array, ""]:
+        """Force of LuGre's bristle, as if it carried all the stiffness, at deflection `z`: sigma0 z and what effects
+        make of it."""
+        force = self.friction.sigma0 * z
+        for effect in self.effects:
+            if isinstance(effect, AbstractSpringEffect):
+                force = effect.spring(force, self.friction, z)
+        return force
+
+    def hidden_rates(
+        self, hidden: Float[Array, " m"], v: Float[Array, ""], spring: Float[Array, ""]
+    ) -> tuple[Float[Array, " m"], Float[Array, ""]]:
+        """Time derivatives of the `hidden` states, shape `(m,)`, and the velocity that the bristles see, at velocity
+        `v` and bristle force `spring`."""
+        rates, first, speed = [], 0, v
+        for effect in self.effects:
+            if isinstance(effect, AbstractStateEffect):
+                own = hidden[first : first + effect.states]
+                rates.append(effect.rates(self.friction, own, v, spring))
+                speed = effect.bristle_speed(self.friction, own, speed, spring)
+                first += effect.states
+        return (jnp.concatenate(rates) if rates else jnp.zeros(0)), speed
+
     def parallel_force(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
         """Opposing force without memory at position `x` and velocity `v`: viscous friction and the force effects."""
         force = self.friction.sigma2 * v
@@ -83,7 +113,8 @@ class Drive(eqx.Module):
         - `x`, `v`: position and velocity.
         - `z`, `rate`: deflection of each bristle element and its rate, position units and position/s, shape `(n,)`.
         """
-        bent = self.friction.sigma0 * jnp.sum(bristles.share * z)
+        bent = self.friction.sigma0 * jnp.sum(bristles.share[1:] * z[1:])
+        bent = bent + bristles.share[0] * self.spring_force(z[0])
         damped = self.friction.sigma1 * jnp.sum(bristles.share * rate)
         return bent + damped + self.parallel_force(x, v)
 
@@ -94,6 +125,7 @@ class Drive(eqx.Module):
         v: Float[Array, ""],
         z: Float[Array, " n"],
         h: Float[Array, ""],
+        hidden: Float[Array, " m"] | None = None,
     ) -> tuple[Float[Array, ""], Float[Array, " n"]]:
         """Opposing force (1), with the effects, and the bristle rates (2), position/s, shape `(n,)`.
 
@@ -103,9 +135,12 @@ class Drive(eqx.Module):
         - `x`, `v`: position and velocity.
         - `z`: deflection of each bristle element, position units, shape `(n,)`.
         - `h`: step, s, over which the rate of an elasto-slip element that yields is the mean.
+        - `hidden`: states of the effects that have some, shape `(m,)`; None: zero.
         """
         level, sigma0 = self.level(x, v), self.friction.sigma0
         limit = bristles.limit(level, sigma0)
         z = bristles.within(z, limit)
-        rate = bristles.rate(v, z, level, sigma0, jnp.clip(v, (-limit - z) / h, (limit - z) / h))
+        spring = self.spring_force(z[0])
+        _, w = self.hidden_rates(jnp.zeros(self.hidden_count) if hidden is None else hidden, v, spring)
+        rate = bristles.rate(w, spring / level, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
         return self.opposing_force(bristles, x, v, z, rate), rate

@@ -35,7 +35,8 @@ class Linearization(eqx.Module):
 def linearize(
     drive: Drive, *, x: float | Float[Array, ""] = 0.0, z: float | Float[Array, " n"] = 0.0
 ) -> Linearization:
-    """Linearise the drive at rest (v = 0).
+    """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are held: what is told is how the
+    machine answers at once.
 
     **Arguments:**
 
@@ -64,7 +65,7 @@ def linearize(
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
             sigma0 = drive.friction.sigma0
             sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)
-            slip = bristles.rate(direction * jnp.ones(()), elements, level, sigma0, sticks)
+            slip = bristles.rate(direction * jnp.ones(()), drive.spring_force(elements[0]) / level, sticks)
             rate = speed * direction * slip
             force = drive.opposing_force(bristles, position, direction * 1e-300 + speed, elements, rate)
             return jnp.concatenate([jnp.stack([speed, -force / drive.J]), rate])

@@ -26,8 +26,8 @@ class Trajectory(eqx.Module):
 
 
 def initial_state(drive: Drive, x0: Float[Array, ""], v0: Float[Array, ""], z0: Float[Array, ""]) -> State:
-    """State of `drive` at the first sample; every bristle starts at deflection `z0`."""
-    return State(x0, v0, z0 * jnp.ones(drive.bristle_count))
+    """State of `drive` at the first sample; every bristle starts at deflection `z0`, states of effects at zero."""
+    return State(x0, v0, z0 * jnp.ones(drive.bristle_count), jnp.zeros(drive.hidden_count))
 
 
 @eqx.filter_jit
@@ -35,7 +35,7 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps):
     bristles = drive.bristles()
 
     def sample(state, force):
-        friction, _ = drive.friction_force(bristles, state.x, state.v, state.z, dt)
+        friction, _ = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden)
         return advance(drive, bristles, state, force, dt, substeps), (state.x, state.v, state.z, friction)
 
     _, (x, v, z, friction) = jax.lax.scan(

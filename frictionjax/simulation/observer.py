@@ -45,13 +45,15 @@ def innovation_gain(gains: Gains) -> Float[Array, "..."]:
 class Observed(eqx.Module):
     """What the observer saw, before each correction; shape `(n,)` (`z`: `(n, bristles)`).
 
-    **Attributes:** `innovation` x_measured - x_predicted, and the predicted `x`, `v`, `z`.
+    **Attributes:** `innovation` x_measured - x_predicted, and what was predicted: `x`, `v`, `z`, and `hidden`,
+    the states of effects.
     """
 
     innovation: Float[Array, " n"]
     x: Float[Array, " n"]
     v: Float[Array, " n"]
     z: Float[Array, "n bristles"]
+    hidden: Float[Array, "n m"]
 
 
 def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
@@ -62,7 +64,7 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     # needle of static friction would buy itself a faster observer.
     yield_deflection = slack * drive.level(x, v) / drive.friction.sigma0
     stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
-    return State(x, v, state.z + gains.position * innovation * stuck)
+    return State(x, v, state.z + gains.position * innovation * stuck, state.hidden)
 
 
 def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
@@ -74,10 +76,10 @@ def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
     """
     slack = drive.bristles().slack
 
-    def correct(innovation, x, v, z):
-        return corrected(drive, slack, State(x, v, z), innovation, gains)
+    def correct(innovation, x, v, z, hidden):
+        return corrected(drive, slack, State(x, v, z, hidden), innovation, gains)
 
-    return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z)
+    return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z, observed.hidden)
 
 
 def observe(
@@ -113,10 +115,9 @@ def observe(
         innovation = measured - state.x
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         following = advance(drive, bristles, state_now, push, dt, substeps)
-        return following, (innovation, state.x, state.v, state.z)
+        return following, (innovation, state.x, state.v, state.z, state.hidden)
 
-    _, (innovation, x_predicted, v, z) = jax.lax.scan(sample, initial_state(drive, *start), (force, x))
-    return Observed(innovation, x_predicted, v, z)
+    return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1])
 
 
 def innovations(

@@ -29,19 +29,27 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     bend = drive.friction.Fs / drive.friction.sigma0
     speed = bend * jnp.sqrt(drive.friction.sigma0 / drive.J)
 
+    last = 2 + drive.bristle_count
+
     def field(instant, scaled, _):
-        x, v, z = scaled[0] * bend, scaled[1] * speed, scaled[2:] * bend
+        x, v, z, hidden = scaled[0] * bend, scaled[1] * speed, scaled[2:last] * bend, scaled[last:] * bend
         held = force[jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)]
         level, sigma0 = drive.level(x, v), drive.friction.sigma0
         # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
         gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
-        damping_rate = bristles.rate(v, z, level, sigma0, v * jnp.clip(gap - 1.0, 0.0, 1.0))
-        rate = bristles.rate(v, z, level, sigma0, v * jnp.clip(gap, -100.0, 1.0))
+        spring = drive.spring_force(z[0])
+        hidden_rate, w = drive.hidden_rates(hidden, v, spring)
+        damping_rate = bristles.rate(w, spring / level, w * jnp.clip(gap - 1.0, 0.0, 1.0))
+        rate = bristles.rate(w, spring / level, w * jnp.clip(gap, -100.0, 1.0))
         opposing = drive.opposing_force(bristles, x, v, z, damping_rate)
-        return jnp.concatenate([jnp.stack([v / bend, (held - opposing) / drive.J / speed]), rate / bend])
+        return jnp.concatenate(
+            [jnp.stack([v / bend, (held - opposing) / drive.J / speed]), rate / bend, hidden_rate / bend]
+        )
 
     start = initial_state(drive, x0, v0, z0)
-    scaled = jnp.concatenate([jnp.stack([start.x / bend, start.v / speed]), start.z / bend])
+    scaled = jnp.concatenate(
+        [jnp.stack([start.x / bend, start.v / speed]), start.z / bend, start.hidden / bend]
+    )
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         diffrax.Kvaerno5(),
@@ -63,8 +71,15 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         "The reference did not reach the last sample: raise `max_steps`, or loosen `rtol`. "
         "If neither helps, the parameters of `drive` or the input `u` are not finite or not physical.",
     )
-    x, v, z = scaled[:, 0] * bend, scaled[:, 1] * speed, scaled[:, 2:] * bend
-    friction = jax.vmap(lambda *state: drive.friction_force(bristles, *state, dt)[0])(x, v, z)
+    x, v, z, hidden = (
+        scaled[:, 0] * bend,
+        scaled[:, 1] * speed,
+        scaled[:, 2:last] * bend,
+        scaled[:, last:] * bend,
+    )
+    friction = jax.vmap(lambda x, v, z, own: drive.friction_force(bristles, x, v, z, dt, own)[0])(
+        x, v, z, hidden
+    )
     return Trajectory(t, x, v, z, friction)
 
 

@@ -20,11 +20,13 @@ _BENT = 2.5
 
 
 class State(eqx.Module):
-    """State of a drive: position `x`, velocity `v`, bristle deflections `z` of shape `(n,)` (position units, s)."""
+    """State of a drive: position `x`, velocity `v`, bristle deflections `z` of shape `(n,)` (position units, s), and
+    the states that effects add, `hidden`, of shape `(m,)`."""
 
     x: Float[Array, ""]
     v: Float[Array, ""]
     z: Float[Array, " n"]
+    hidden: Float[Array, " m"] = eqx.field(default_factory=lambda: jnp.zeros(0))
 
 
 def ros2_step(
@@ -50,23 +52,26 @@ def ros2_step(
     def total(values):
         return 0.0 if alone else jnp.sum(share * values)
 
-    def lugre(v, z, level):
-        return v - jnp.abs(v) * (friction.sigma0 * z / level)
+    def lugre(w, spring, level):
+        return w - jnp.abs(w) * (spring / level)
 
-    def opposing(x, v, z, rate, bent, damped):
-        """Equation (1): `z` and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the other elements."""
+    def opposing(x, v, spring, rate, bent, damped):
+        """Equation (1): `spring` force and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the others."""
         first = bristles.share[0]
-        bend = friction.sigma0 * (first * z + bent) + friction.sigma1 * (first * rate + damped)
-        return bend + drive.parallel_force(x, v)
+        force = first * spring + friction.sigma0 * bent + friction.sigma1 * (first * rate + damped)
+        return force + drive.parallel_force(x, v)
 
     x, v, z = state.x, state.v, state.z[0]
     level = drive.level(x, v)
-    rate = lugre(v, z, level)
+    spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
+    # States of effects are slow against the bristle: they stay outside A. The bristles see the velocity w.
+    hidden_rate, w = drive.hidden_rates(state.hidden, v, spring)
+    rate = lugre(w, spring, level)
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
-    moved = total(bristles.cut(plays + h * v, limit) - plays) / h
-    friction_now = opposing(x, v, z, rate, total(plays), moved)
+    moved = total(bristles.cut(plays + h * w, limit) - plays) / h
+    friction_now = opposing(x, v, spring, rate, total(plays), moved)
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
     # keeps the step L-stable.
@@ -75,18 +80,20 @@ def ros2_step(
 
     # Columns of A: v moves everything (by forward differentiation), LuGre's z moves its own rate only.
     def along(speed):
-        own = lugre(speed, z, drive.level(x, speed))
-        return opposing(x, speed, z, own, 0.0, 0.0), own
+        own = lugre(drive.hidden_rates(state.hidden, speed, spring)[1], spring, drive.level(x, speed))
+        return opposing(x, speed, spring, own, 0.0, 0.0), own
 
     _, (friction_v, rate_v) = jax.jvp(along, (fast,), (jnp.ones_like(v),))
-    rate_z = -jnp.abs(fast) * (friction.sigma0 / drive.level(x, fast))
+    rate_z = -jnp.abs(fast) * (slope / drive.level(x, fast))
     stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
     if not exact_derivative:
-        friction_v, rate_v, rate_z, stuck = jax.lax.stop_gradient((friction_v, rate_v, rate_z, stuck))
+        friction_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
+            (friction_v, rate_v, rate_z, stuck, slope)
+        )
     friction_v = friction_v + friction.sigma1 * stuck
     stiffness = friction.sigma0 * mobility
     pivot_z = 1.0 / (1.0 - gh * rate_z)
-    arm = -gh * bristles.share[0] * (stiffness + friction.sigma1 * mobility * rate_z) * pivot_z
+    arm = -gh * bristles.share[0] * mobility * (slope + friction.sigma1 * rate_z) * pivot_z
     pivot_v = 1.0 / (1.0 + gh * (friction_v * mobility - arm * rate_v + gh * stiffness * stuck))
 
     def solve(right_v, right_z, right_plays):
@@ -98,12 +105,14 @@ def ros2_step(
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
     level_1 = drive.level(x1, v1)
-    rate_1 = lugre(v1, z1, level_1)
+    spring_1 = drive.spring_force(z1)
+    hidden_rate_1, w1 = drive.hidden_rates(state.hidden + h * hidden_rate, v1, spring_1)
+    rate_1 = lugre(w1, spring_1, level_1)
     limit_1 = level_1 * slack
-    middle = plays + h * (0.5 * (v + v1))
+    middle = plays + h * (0.5 * (w + w1))
     # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
     moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
-    friction_1 = opposing(x1, v1, z1, rate_1, total(bristles.cut(middle, limit_1)), moved_1)
+    friction_1 = opposing(x1, v1, spring_1, rate_1, total(bristles.cut(middle, limit_1)), moved_1)
     k2_v, k2_z, _ = solve(
         (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z, moved_1 - 2.0 * k1_plays
     )
@@ -117,8 +126,11 @@ def ros2_step(
     v2 = v2 + friction.sigma1 * bristles.share[0] * excess * mobility
     z2 = (z2 - excess)[None]
     if not alone:
-        z2 = jnp.concatenate([z2, bristles.cut(plays + (x2 - x), limit_1)])
-    return State(x2, v2, z2)
+        way = x2 - x
+        if drive.hidden_count:
+            way = way - 0.5 * h * ((v - w) + (v1 - w1))
+        z2 = jnp.concatenate([z2, bristles.cut(plays + way, limit_1)])
+    return State(x2, v2, z2, state.hidden + 0.5 * h * (hidden_rate + hidden_rate_1))
 
 
 def advance(

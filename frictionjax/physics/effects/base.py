@@ -62,6 +62,37 @@ class AbstractLevelEffect(AbstractEffect):
         """The level (force units) that replaces `level` at position `x` and velocity `v`; `friction` gives scales."""
 
 
+class AbstractSpringEffect(AbstractEffect):
+    """Slot: the force of LuGre's bristle, which need not be proportional to its deflection."""
+
+    @abstractmethod
+    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+        """The force that replaces `force` (sigma0 z at first) at deflection `z` (position units), odd in `z`;
+        `friction` gives scales.
+
+        The bristle slips in proportion to this force, dz/dt = v - |v| force/G, so that sliding friction stays G.
+        """
+
+
+class AbstractStateEffect(AbstractEffect):
+    """Slot: states of its own that go on from sample to sample, slow against the bristle."""
+
+    states: eqx.AbstractClassVar[int]
+
+    @abstractmethod
+    def rates(
+        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
+    ) -> Float[Array, " states"]:
+        """Time derivatives of the `hidden` states (which start at zero), at velocity `v` and bristle force `spring`;
+        `friction` gives scales."""
+
+    @abstractmethod
+    def bristle_speed(
+        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        """Velocity that the bristles see in place of `v`, position/s; `friction`, `hidden`, `spring` as in `rates`."""
+
+
 class AbstractBristleEffect(AbstractEffect):
     """Slot: the bristles themselves. Gives a bank of elements in place of the single bristle."""
 
