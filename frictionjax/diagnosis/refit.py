@@ -38,7 +38,7 @@ class Refitted(eqx.Module):
         return self.share_fit + self.share_holdout
 
 
-def short_list(trials: list[Trial], *, most: int, least_gain: float) -> list[Trial]:
+def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool = False) -> list[Trial]:
     """The trials worth refitting: the best trial of each form by actual gain, and the two best by linear gain.
 
     **Arguments:**
@@ -46,14 +46,17 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float) -> list[Tri
     - `trials`: all trials.
     - `most`: how many forms at most.
     - `least_gain`: actual gain below which nothing is refitted.
+    - `far`: the present model is far from the noise. It may sit in a minimum that no single step leaves; the forms that
+        promise most are then refitted although no step towards them gains.
     """
     by_form: dict[tuple[str, str], Trial] = {}
-    for trial in sorted(trials, key=lambda t: -t.gain):
+    for trial in sorted(trials, key=lambda t: (-t.gain, -t.linear_gain)):
         form = type(trial.drive.effects[-1]).__name__
         by_form.setdefault((trial.effect, form), trial)
     best = sorted(by_form.values(), key=lambda t: -t.gain)
     if not best or best[0].gain < least_gain:
-        return []
+        promising = sorted(by_form.values(), key=lambda t: -t.linear_gain)
+        return [t for t in promising if t.linear_gain > least_gain][:most] if far else []
     kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
     linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
     return (

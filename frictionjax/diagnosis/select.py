@@ -130,7 +130,8 @@ def select(
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
         trials = try_catalogue(present_model(problem, vector), scales, executor)
-        chosen = short_list(trials, most=4 if number == 0 else 3, least_gain=LEAST_GAIN)
+        far = before.structure > 2.0 * ADEQUATE_MISFIT
+        chosen = short_list(trials, most=4 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
         if before.structure < ADEQUATE_MISFIT:
             chosen = []
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)

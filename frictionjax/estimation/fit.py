@@ -236,18 +236,6 @@ def _round(problem, vector, power, level, unit):
     return reached[best], powers[best], float(values[best]), unit
 
 
-def _first_descent(problem: Problem, vector: Float[Array, " q"]) -> tuple[Float[Array, " q"], float]:
-    """A few steps under a wide knee: enough to see which start is worth going on with."""
-    scored = np.asarray(problem.setting.batch.block_count) > 0
-    unit, power = None, problem.power(vector)
-    level = float(np.quantile(np.nan_to_num(np.asarray(power)[scored], nan=1e12, posinf=1e12), 0.8))
-    moved = vector
-    for _ in range(2):
-        moved, power, _, unit = _round(problem, moved, power, max(level, 1.0), unit)
-    value = float(_misfits(power[None], 1.0, problem.setting.batch)[0])
-    return (moved, value) if np.isfinite(value) else (vector, float("inf"))
-
-
 def _positive(drive: Drive) -> None:
     """A logarithm needs a positive start; zero would leave the fit where it began."""
     values = {"J": drive.J} | {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
@@ -357,21 +345,24 @@ def fit(
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     for start in starts:
         _positive(start)
-    tried = []
     # One template for all starts: the vector carries the start, and nothing is compiled twice.
     problem, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
-    for index, start in enumerate(starts):
-        progress("base fit: starts", 0.4 * index / len(starts))
-        _, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
-        if len(starts) > 1:
-            vector, value = _first_descent(problem, vector)
-            tried.append((value, index, vector))
-        else:
-            tried.append((problem.mismatch(vector), index, vector))
-    progress("base fit: fast observer", 0.4)
-    vector, _, _ = descend(problem, min(tried, key=lambda attempt: attempt[:2])[2], rounds=4)
-    progress("base fit: slow observer", 0.6)
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    vector, _, converged = descend(slow, vector, graduate=False, rounds=8)
+    ends = []
+    # Every start goes all the way: a model with something missing has several minima, and which one is the best is not
+    # to be seen after a few steps.
+    for index, start in enumerate(starts):
+        progress(f"base fit: start {index + 1} of {len(starts)}", 0.95 * index / len(starts))
+        _, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
+        vector, value, _ = descend(problem, vector, rounds=4)
+        if np.isfinite(value):
+            vector, value, converged = descend(slow, vector, graduate=False, rounds=8)
+            ends.append((value, index, vector, converged))
+    if not ends:
+        raise ValueError(
+            "No starting value gives finite predictions; check `drive`, and the units of the recordings and of "
+            "the motor constant."
+        )
+    _, _, vector, converged = min(ends, key=lambda end: end[:2])
     progress("base fit: standard errors", 0.95)
     return finish(slow, vector, converged, units or {})

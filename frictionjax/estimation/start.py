@@ -140,19 +140,26 @@ def _best_stick(
             continue
         sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant, fit_delay=True)
         positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
-        if not positive:
+        if not positive or sk.stiffness.stderr > 0.2 * sk.stiffness.value:
             continue
         # Noise that drives the machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction.
         if sliding.credible and np.sqrt(np.mean(recording.u**2)) * motor_constant > sliding.Fc:
             continue
         # In stick the machine stays within a few bristle deflections; in sliding "stiffness" is a fiction.
         deflection = np.max(np.abs(motion.force)) / sk.stiffness.value
-        if np.std(recording.x) > 3.0 * deflection:
+        wander = _wander(recording.x, segment)
+        if wander > 3.0 * deflection:
             continue
         if sliding.credible and not 0.4 < sk.J.value / sliding.J < 2.5:
             continue
-        results.append((float(np.std(recording.x)), sk))
+        results.append((wander, sk))
     return min(results, key=lambda pair: pair[0])[1] if results else None
+
+
+def _wander(x: np.ndarray, segment: int) -> float:
+    """Standard deviation of `x` within segments: a slow drift of the resting point is no sliding."""
+    whole = x[: x.size // segment * segment].reshape(-1, segment)
+    return float(np.sqrt(np.mean(np.var(whole, axis=1))))
 
 
 def _break_away(motions: tuple[SlidingMotion, ...], J: float, Fc: float, sliding: SlidingFit) -> float:
