@@ -10,9 +10,15 @@ from frictionjax.diagnosis import diagnose as diagnose
 from frictionjax.diagnosis.output import register_writer
 from frictionjax.estimation import FitResult as FitResult
 from frictionjax.estimation import fit as fit
+from frictionjax.frequency import BLA as BLA
 from frictionjax.frequency import FRF as FRF
+from frictionjax.frequency import Resonances as Resonances
+from frictionjax.frequency import ZeroAmplitude as ZeroAmplitude
+from frictionjax.frequency import best_linear_approximation as best_linear_approximation
 from frictionjax.frequency import estimate_frf as estimate_frf
+from frictionjax.frequency import extrapolate_to_zero_amplitude as extrapolate_to_zero_amplitude
 from frictionjax.frequency import fit_sk as fit_sk
+from frictionjax.frequency import resonances as resonances
 from frictionjax.physics import Drive as Drive
 from frictionjax.physics import LuGre as LuGre
 from frictionjax.physics import catalogue as catalogue
@@ -32,6 +38,7 @@ from frictionjax.studies import level_sweep as level_sweep
 from frictionjax.studies import run_study as run_study
 
 __all__ = [
+    "BLA",
     "FRF",
     "Case",
     "Design",
@@ -45,19 +52,24 @@ __all__ = [
     "Plant",
     "PrecisionError",
     "Recording",
+    "Resonances",
     "Study",
     "Trajectory",
+    "ZeroAmplitude",
     "audit",
+    "best_linear_approximation",
     "case_from_files",
     "catalogue",
     "diagnose",
     "estimate_frf",
     "excitation",
+    "extrapolate_to_zero_amplitude",
     "fit",
     "fit_sk",
     "level_sweep",
     "linearize",
     "load_case",
+    "resonances",
     "run_study",
     "simulate",
 ]

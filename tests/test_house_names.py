@@ -22,6 +22,8 @@ EXPECTED = sorted(
         *CONTRACT,
         *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue"),
         *("Diagnosis", "Estimate", "FRF", "FitResult", "Trajectory"),
+        *("BLA", "Resonances", "ZeroAmplitude"),
+        *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
         *("Design", "Study", "run_study", "level_sweep"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }

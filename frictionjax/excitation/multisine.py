@@ -23,7 +23,8 @@ def multisine(
 
     With `odd`, the even lines are left silent and become detection lines: an even nonlinearity (a direction that
     differs, a load) answers on them, an odd one (friction) does not, and neither reaches the odd lines in the
-    same way (Pintelon and Schoukens, System Identification, 2nd ed., 2012, ch. 4).
+    same way (Pintelon and Schoukens, System Identification, 2nd ed., 2012, ch. 4). `multisine_lines` draws odd lines
+    with some left out, whose `frequency` is then `lines_or_band` here.
 
     **Arguments:**
 
