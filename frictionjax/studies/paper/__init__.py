@@ -1,0 +1,29 @@
+"""Hensen, van de Molengraft, Steinbuch (2002), experiment by experiment, on synthetic machines of ours."""
+
+from frictionjax.studies.paper.identification import BAND as BAND
+from frictionjax.studies.paper.identification import PAPER_LEVEL as PAPER_LEVEL
+from frictionjax.studies.paper.identification import Identified as Identified
+from frictionjax.studies.paper.identification import identify as identify
+from frictionjax.studies.paper.linearisation import Linearised as Linearised
+from frictionjax.studies.paper.linearisation import linearised as linearised
+from frictionjax.studies.paper.presliding import Presliding as Presliding
+from frictionjax.studies.paper.presliding import presliding as presliding
+from frictionjax.studies.paper.real import PUBLISHED as PUBLISHED
+from frictionjax.studies.paper.real import MotorBench as MotorBench
+from frictionjax.studies.paper.real import motor_bench as motor_bench
+from frictionjax.studies.paper.rig import SAMPLE_RATE as SAMPLE_RATE
+from frictionjax.studies.paper.rig import Measured as Measured
+from frictionjax.studies.paper.rig import Twin as Twin
+from frictionjax.studies.paper.rig import measure as measure
+from frictionjax.studies.paper.rig import twins as twins
+from frictionjax.studies.paper.study import REFERENCE_A5 as REFERENCE_A5
+from frictionjax.studies.paper.study import Paper as Paper
+from frictionjax.studies.paper.study import reproduce as reproduce
+from frictionjax.studies.paper.unexplained import Explained as Explained
+from frictionjax.studies.paper.unexplained import case_of as case_of
+from frictionjax.studies.paper.unexplained import explain as explain
+from frictionjax.studies.paper.validation import PARTS as PARTS
+from frictionjax.studies.paper.validation import RAMP as RAMP
+from frictionjax.studies.paper.validation import SINES as SINES
+from frictionjax.studies.paper.validation import Validation as Validation
+from frictionjax.studies.paper.validation import validate as validate

@@ -1,0 +1,72 @@
+"""Equations (3) and (4): one linear system at the zero state, and a hull of them where the bristle is bent."""
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.physics import Drive, linearize
+from frictionjax.studies.level_sweep import table_one
+
+
+class Linearised(eqx.Module):
+    """The linearised drive at the zero state, and the ends of its generalized Jacobian elsewhere.
+
+    **Attributes:**
+
+    - `stiffness`, `damping`: at the zero state, force per position unit and force s per position unit.
+    - `natural_frequency`, `damping_ratio`: of (3) at the zero state, Hz and 1.
+    - `unique_at_rest`: whether left and right Jacobian coincide at the zero state.
+    - `bend`: deflections at which the ends were computed, over the break-away deflection `Fs / sigma0`, shape `(k,)`.
+    - `stiffness_left`, `stiffness_right`: stiffness felt by a motion to the left and to the right, shape `(k,)`.
+    - `damping_left`, `damping_right`: the damping, shape `(k,)`.
+    """
+
+    stiffness: float = eqx.field(static=True)
+    damping: float = eqx.field(static=True)
+    natural_frequency: float = eqx.field(static=True)
+    damping_ratio: float = eqx.field(static=True)
+    unique_at_rest: bool = eqx.field(static=True)
+    bend: Float[np.ndarray, " k"]
+    stiffness_left: Float[np.ndarray, " k"]
+    stiffness_right: Float[np.ndarray, " k"]
+    damping_left: Float[np.ndarray, " k"]
+    damping_right: Float[np.ndarray, " k"]
+
+
+def linearised(drive: Drive | None = None, *, points: int = 41) -> Linearised:
+    """Linearise `drive` at rest, with its bristle straight and bent.
+
+    **Arguments:**
+
+    - `drive`: a drive without effects; that of Table I when absent.
+    - `points`: number of deflections, from one break-away deflection to the other.
+
+    **Returns:** the `Linearised`.
+
+    **Raises:** `PrecisionError` unless JAX computes in float64.
+    """
+    drive = table_one() if drive is None else drive
+    zero = linearize(drive)
+    bend = np.linspace(-1.0, 1.0, points)
+    ends = jax.vmap(lambda z: linearize(drive, z=z))(bend * float(drive.friction.Fs / drive.friction.sigma0))
+    J = float(drive.J)
+
+    def felt(matrices):
+        """Stiffness: what v adds to z (row 3), times what z takes from the force (row 2). Damping: row 2 itself."""
+        matrices = np.asarray(matrices)
+        return -J * matrices[:, 1, 2] * matrices[:, 2, 1], -J * matrices[:, 1, 1]
+
+    (stiffness_left, damping_left), (stiffness_right, damping_right) = felt(ends.left), felt(ends.right)
+    return Linearised(
+        stiffness=float(zero.stiffness),
+        damping=float(zero.damping),
+        natural_frequency=float(zero.natural_frequency),
+        damping_ratio=float(zero.damping_ratio),
+        unique_at_rest=bool(zero.unique),
+        bend=bend,
+        stiffness_left=stiffness_left,
+        stiffness_right=stiffness_right,
+        damping_left=damping_left,
+        damping_right=damping_right,
+    )
