@@ -5,6 +5,8 @@ import os
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
+# Nothing of a test run is kept in the user's cache.
+os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "false"
 
 import jax
 import pytest
