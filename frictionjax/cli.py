@@ -156,7 +156,7 @@ def _keep_what_is_compiled() -> None:
     import jax
     from platformdirs import user_cache_path
 
-    if jax.config.jax_compilation_cache_dir is not None:
+    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
         return
     folder = user_cache_path("frictionjax") / "compiled"
     try:
