@@ -163,9 +163,10 @@ def _frequency_rows(
         frequency = np.fft.rfftfreq(length, dt)[1:]
         q = np.exp(-2j * np.pi * frequency * dt)
         null = np.abs((1.0 - q) / (1.0 - pole * q)) ** 4
+        null = null / null.mean()  # the innovations are standardised
         # The observer leaves next to nothing at low frequencies: a hundredth of the mean is added on both sides, so
         # that rounding and leakage are not told as an excess.
-        ground = 0.01 * null.mean()
+        ground = 0.01
         null = null + ground
         band = np.digitize(frequency, edges) - 1
         window = np.hanning(length) * np.sqrt(8.0 / 3.0)
@@ -184,18 +185,24 @@ def _frequency_rows(
 
 def strongest(bins: tuple[MismatchBin, ...], axis: str) -> MismatchBin | None:
     """The bin of `axis` that stands out most: the one with the largest share times log excess."""
-    own = [b for b in bins if b.axis == axis and b.excess > 1.2]
-    return max(own, key=lambda b: b.share * np.log(b.excess), default=None)
+    return max((b for b in bins if b.axis == axis and b.excess > 1.2), key=_prominence, default=None)
+
+
+def _prominence(b: MismatchBin) -> float:
+    return b.share * float(np.log(b.excess))
 
 
 def where_words(bins: tuple[MismatchBin, ...]) -> str:
     """Where the mismatch is, in plain words, from the strongest bins of regime, direction and one more axis."""
     parts = []
-    regime = strongest(bins, "regime")
-    if regime is not None:
-        parts.append(
-            f"{regime.bin} ({100 * regime.share:.0f} % of the excess, {_times(regime.excess)} the expected power)"
-        )
+    regimes = [b for b in bins if b.axis == "regime" and b.excess > 1.2]
+    peak = max(map(_prominence, regimes), default=0.0)
+    # Two regimes that stand out about as much are both told, the larger share first.
+    for regime in sorted(regimes, key=lambda b: -b.share):
+        if _prominence(regime) > 0.7 * peak:
+            parts.append(
+                f"{regime.bin} ({100 * regime.share:.0f} % of the excess, {_times(regime.excess)} the expected power)"
+            )
     direction = strongest(bins, "direction")
     if direction is not None and direction.share > 0.75 and direction.bin != "at rest":
         parts.append(f"moving {direction.bin} ({100 * direction.share:.0f} %)")
