@@ -187,7 +187,8 @@ def test_what_a_band_does_not_hold_is_said():
     for name in ("J", "stiffness", "damping"):
         assert any(warning.startswith(f"negative {name}: ") for warning in negative.warnings)
         assert not getattr(negative, name).identified
-    assert np.isnan(negative.natural_frequency.value)
+    assert any("give `motor_constant` the other sign" in warning for warning in negative.warnings)
+    assert (negative.natural_frequency.value, negative.natural_frequency.stderr) == (0.0, np.inf)
     assert not negative.damping_ratio.identified
     outside = fit_sk(exact, (2.0, 20.0), motor_constant=16.0)
     assert any("outside the band" in warning for warning in outside.warnings)

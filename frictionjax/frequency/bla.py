@@ -24,14 +24,20 @@ class Detection(eqx.Module):
     - `noise`: what noise alone would leave there, from the scatter over the periods, shape `(d,)`.
     - `ratio`: root mean square of `level` over that of `noise`, shape `()`: about 1 for a linear machine, 0 where
         there are no such lines or no noise.
-    - `p_value`: probability that noise alone makes the ratio as large or larger, shape `()`.
+    - `freedom`: degrees of freedom of the numerator and of the denominator of its square, shape `(2,)`.
     """
 
     frequency: Float[Array, " d"]
     level: Float[Array, " d"]
     noise: Float[Array, " d"]
     ratio: Float[Array, ""]
-    p_value: Float[Array, ""]
+    freedom: Float[Array, " 2"]
+
+    @property
+    def p_value(self) -> Float[Array, ""]:
+        """Probability that noise alone makes `ratio` as large or larger: that of the F distribution, shape `()`."""
+        above, below = self.freedom[0], self.freedom[1]
+        return betainc(below / 2.0, above / 2.0, below / (below + above * self.ratio**2))
 
     @property
     def distortion(self) -> Float[Array, ""]:
@@ -158,7 +164,7 @@ def best_linear_approximation(
         )
     silent = silent_lines(excited, 1.0)
     cut = slice(transient * period, (transient + periods) * period)
-    U, X = (jnp.fft.rfft(part[:, cut].reshape(-1, periods, period), axis=2) / period for part in (u, x))
+    U, X = _periods(u[:, cut], x[:, cut], period)
     if not isinstance(U, Tracer):
         power = np.min(np.abs(np.mean(np.asarray(U), axis=1)), axis=0)
         bad = excited[power[excited] <= 1e-10 * np.max(power)]
@@ -167,9 +173,8 @@ def best_linear_approximation(
                 f"the input has no power on {bad.size} of {excited.size} `lines`, the first {bad[0]}",
                 cure="Check `period`, and that `lines` are multiples of sample_rate / period.",
             )
-    return _bla(
-        U, X, jnp.asarray(sample_rate, float), period, excited, silent.odd, silent.even, correct_input
-    )
+    lines_of = tuple(jnp.asarray(part) for part in (excited, silent.odd, silent.even))
+    return _bla(U, X, jnp.asarray(sample_rate, float), period, *lines_of, correct_input)
 
 
 def _checked(name: str, values: ArrayLike) -> Float[Array, "m n"]:
@@ -187,6 +192,15 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, "m n"]:
     return jnp.atleast_2d(values)
 
 
+@eqx.filter_jit
+def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array, "m p n"]]:
+    """Fourier coefficients of each period."""
+    parts = jnp.stack([u, x]).reshape(2, u.shape[0], -1, period)
+    U, X = jnp.fft.rfft(parts, axis=3) / period
+    return U, X
+
+
+@eqx.filter_jit
 def _bla(U, X, sample_rate, period, excited, odd, even, correct_input: bool) -> BLA:
     m, periods = U.shape[:2]
     u, x = U[:, :, excited], X[:, :, excited]
@@ -197,17 +211,17 @@ def _bla(U, X, sample_rate, period, excited, odd, even, correct_input: bool) -> 
     noise = _variance(x - each[:, None, :] * u) / jnp.abs(mean_u) ** 2
     total = None
     if m > 1:
-        total = jnp.sum(jnp.abs(each - response) ** 2, axis=0) / (m * (m - 1))
-    frequency = sample_rate * jnp.asarray(excited / period)
+        total = jnp.sum(jnp.abs(each - response[None, :]) ** 2, axis=0) / (m * (m - 1))
+    spacing = sample_rate / period
 
-    def detect(lines: Int[np.ndarray, " d"]) -> Detection:
+    def detect(lines: Int[Array, " d"]) -> Detection:
         answer = X[:, :, lines]
         if correct_input and lines.size:
             answer = answer - _between(each, excited, lines)[:, None, :] * U[:, :, lines]
-        return _detection(answer, sample_rate * jnp.asarray(lines / period))
+        return _detection(answer, spacing * lines.astype(float))
 
     return BLA(
-        frequency=frequency,
+        frequency=spacing * excited.astype(float),
         response=response,
         noise_variance=jnp.mean(noise, axis=0) / m,
         total_variance=total,
@@ -230,10 +244,11 @@ def _variance(part: Complex[Array, "m p n"]) -> Float[Array, "m n"]:
 
 def _between(response: Complex[Array, "m f"], excited, lines) -> Complex[Array, "m d"]:
     """The response on silent `lines`, on straight lines between the excited ones."""
-    right = np.clip(np.searchsorted(excited, lines), 1, excited.size - 1)
-    part = (lines - excited[right - 1]) / (excited[right] - excited[right - 1])
-    part = jnp.asarray(part.astype(complex))[None, :]
-    return (1.0 - part) * response[:, right - 1] + part * response[:, right]
+    right = jnp.clip(jnp.searchsorted(excited, lines), 1, excited.size - 1)
+    left = right - 1
+    part = (lines - excited[left]).astype(float) / (excited[right] - excited[left]).astype(float)
+    part = part.astype(response.dtype)[None, :]
+    return (1.0 - part) * response[:, left] + part * response[:, right]
 
 
 def _detection(answer: Complex[Array, "m p d"], frequency: Float[Array, " d"]) -> Detection:
@@ -242,7 +257,7 @@ def _detection(answer: Complex[Array, "m p d"], frequency: Float[Array, " d"]) -
     level = 2.0 * jnp.mean(jnp.abs(jnp.mean(answer, axis=1)) ** 2, axis=0)
     noise = 2.0 * jnp.mean(_variance(answer), axis=0)
     if count == 0:
-        return Detection(frequency, level, noise, jnp.asarray(0.0), jnp.asarray(1.0))
+        return Detection(frequency, level, noise, jnp.asarray(0.0), jnp.ones(2))
     total = jnp.sum(noise)
     noisy = total > 0.0
     safe = jnp.where(noisy, total, 1.0)
@@ -251,6 +266,5 @@ def _detection(answer: Complex[Array, "m p d"], frequency: Float[Array, " d"]) -
     # too large by 1 + 1 / own.
     own = m * (periods - 1)
     worth = jnp.where(noisy, safe**2 / jnp.where(noisy, jnp.sum(noise**2) / (1.0 + 1.0 / own), 1.0), 1.0)
-    # P(F > ratio) of the F distribution with 2 m worth and 2 own worth degrees of freedom.
-    p_value = betainc(own * worth, m * worth, own / (own + m * ratio))
-    return Detection(frequency, jnp.sqrt(level), jnp.sqrt(noise), jnp.sqrt(ratio), p_value)
+    freedom = 2.0 * worth * jnp.array([m, own], float)
+    return Detection(frequency, jnp.sqrt(level), jnp.sqrt(noise), jnp.sqrt(ratio), freedom)

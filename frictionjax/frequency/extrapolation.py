@@ -1,13 +1,16 @@
 """The bristle stiffness itself: what the measured stiffness tends to as the excitation vanishes.
 
-Why the measured stiffness falls with the level, and in which power. Near rest the bristles obey
+Why the measured stiffness falls with the level, and in which powers. Near rest the bristles obey
 `z' = v - |v| z / z_s` with `z_s = Fs / sigma0`. In Gaussian motion `z` and `v` of one instant are independent, so the
-linear part of `|v| z` is `E|v| z`: to a linear eye the bristles leak at the rate `rate = E|v| / z_s`, and their spring
-is `sigma0 jw / (jw + rate)`. The rate is proportional to the level. What a leak takes from the stiffness at a
-frequency is `rate^2 / (w^2 + rate^2)`: the square of the level where the rate lies below the frequency, and, summed
-over a band that reaches down to the rate, the level itself (what it adds to the damping is of the first power
-everywhere). A sine shows the same: its secant stiffness is `sigma0 tanh(q) / q` with `q` its amplitude over `z_s`.
-So the stiffness is `sigma0 (1 - a level - b level^2 ...)`, and which of the two powers rules depends on the band.
+linear part of `|v| z` is `E|v| z` (Bussgang): to a linear eye the bristles leak at the rate `rate = E|v| / z_s`, and
+the friction `sigma0 z + sigma1 z'` is `(sigma0 + sigma1 jw) jw / (jw + rate)` times the position. Its real part, the
+stiffness, is
+
+    (sigma0 - sigma1 rate) w^2 / (w^2 + rate^2) = sigma0 (1 - (sigma1 / sigma0) rate - rate^2 / w^2 + ...).
+
+The rate is proportional to the level as long as little is lost. So the first power of the level comes from the
+bristles' damping, the second from their leak, and which of them rules depends on the machine and the band. Where a
+band reaches down to the rate, the leak too goes with the first power. The damping gains `sigma0 rate / w^2`.
 """
 
 import equinox as eqx
@@ -20,7 +23,7 @@ FORMS = {
     "the level": (1,),
     "the level squared": (2,),
     "the level and its square": (1, 2),
-    "the level's second and third power": (2, 3),
+    "the level, its square and cube": (1, 2, 3),
 }
 """Powers of the level beside the constant, by their name in a sentence."""
 

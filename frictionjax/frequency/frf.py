@@ -36,6 +36,15 @@ class FRF(eqx.Module):
     sample_rate: Float[Array, ""]
     bin_correlation: Float[Array, ""]
 
+    @property
+    def phase_std(self) -> Float[Array, " nf"]:
+        """Standard deviation of the phase of `response`, rad, shape `(nf,)`.
+
+        `std / |response|`, for a small one; infinite where there is no response.
+        """
+        size = jnp.abs(self.response)
+        return jnp.where(size > 0.0, self.std / jnp.where(size > 0.0, size, 1.0), jnp.inf)
+
 
 def estimate_frf(
     u: ArrayLike,

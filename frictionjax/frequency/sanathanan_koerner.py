@@ -23,7 +23,7 @@ class SKResult(eqx.Module):
     - `stiffness`: presliding stiffness, force per position unit; that of the whole drive, as the paper warns.
     - `damping`: presliding damping, force s per position unit; `sigma1 + sigma2` of a LuGre model.
     - `delay`: delay of the output beyond that of the hold, s; zero and exact unless it was fitted.
-    - `natural_frequency`: `sqrt(stiffness / J) / (2 pi)`, Hz.
+    - `natural_frequency`: `sqrt(stiffness / J) / (2 pi)`, Hz; zero and not identified unless both are positive.
     - `damping_ratio`: `damping / (2 sqrt(stiffness J))`.
     - `frequency`: the bins that were fitted, Hz, shape `(n,)`.
     - `response`: the fitted response there, output unit per input unit, shape `(n,)`.
@@ -81,7 +81,8 @@ def fit_sk(
     **Returns:** the `SKResult`.
 
     **Raises:** `InputError` when `band` holds fewer than four bins in which the input has power, `motor_constant` is
-        zero or `max_steps` is below one; `PrecisionError` when JAX computes in float32.
+        zero, `max_steps` is below one, the output does not move, or its coherence is no more than chance gives;
+        `PrecisionError` when JAX computes in float32.
     """
     require_x64()
     if motor_constant == 0.0 or max_steps < 1:
@@ -97,13 +98,20 @@ def fit_sk(
         )
     low, high = band
     inside = (frequency >= low) & (frequency <= high) & np.isfinite(std)
-    inside &= np.isfinite(np.asarray(frf.response)) & (np.asarray(frf.response) != 0.0)
+    inside &= np.isfinite(np.asarray(frf.response))
+    if inside.any() and not np.any(np.asarray(frf.response)[inside]):
+        raise InputError(
+            f"the output does not answer the input anywhere from {low} to {high} Hz: it has no power there",
+            cure="Check the output's channel and its wiring, or excite more.",
+        )
+    inside &= np.asarray(frf.response) != 0.0
     if inside.sum() < 4:
         raise InputError(
             f"`band` from {low} to {high} Hz holds {inside.sum()} bins in which the input has power",
             cure=f"Widen it; the bins are {frequency[1]:.4g} Hz apart and reach {frequency[-1]:.5g} Hz. A longer "
             "`segment` makes more of them.",
         )
+    _check_coherence(np.asarray(frf.coherence)[inside], frf, low, high)
     frequency, response = frequency[inside], np.asarray(frf.response)[inside]
     variance, freedom = _smoothed(std[inside] ** 2, frf)
     # Data without noise have a variance of rounding errors: no bin counts for more than nine digits.
@@ -140,6 +148,21 @@ def fit_sk(
         message=_message(converged, steps, max_steps),
         warnings=_warnings(estimates, excess, frequency, frf, converged),
     )
+
+
+def _check_coherence(coherence: Float[np.ndarray, " n"], frf: FRF, low: float, high: float) -> None:
+    """Refuse a response that two unrelated signals would show."""
+    # An average over n segments gives unrelated signals a coherence of 1 / n, which 1 % of the bins exceed by as much
+    # as `rare`.
+    n = max(float(frf.averages_effective), 1.0 + 1e-9)
+    bins = max(coherence.size / float(frf.bin_correlation), 1.0)
+    rare = 1.0 - 0.01 ** (1.0 / (n - 1.0))
+    if coherence.mean() < (1.0 + 3.0 / np.sqrt(bins)) / n and np.mean(coherence >= rare) < 0.1:
+        raise InputError(
+            f"the coherence from {low} to {high} Hz is {coherence.mean():.2g}, no more than unrelated signals show "
+            f"({1.0 / n:.2g})",
+            cure="Check that input and output belong together and are aligned in time, record longer, or excite more.",
+        )
 
 
 def _smoothed(variance: Float[np.ndarray, " n"], frf: FRF) -> tuple[Float[np.ndarray, " n"], float]:
@@ -199,8 +222,9 @@ def _estimates(values, covariance, fit_delay: bool, force: str, position: str) -
     }
     if not (stiffness > 0.0 and J > 0.0 and np.all(np.isfinite(covariance))):
         nothing = {"stderr": float("inf"), "identified": False}
-        estimates["natural_frequency"] = Estimate(float("nan"), unit="Hz", **nothing)
-        estimates["damping_ratio"] = Estimate(float("nan"), unit="1", **nothing)
+        # Nothing oscillates: a warning tells which coefficient is to blame.
+        estimates["natural_frequency"] = Estimate(0.0, unit="Hz", **nothing)
+        estimates["damping_ratio"] = Estimate(0.0, unit="1", **nothing)
         return estimates
     fn, ratio = np.sqrt(stiffness / J) / (2.0 * np.pi), damping / (2.0 * np.sqrt(stiffness * J))
     estimates["natural_frequency"] = estimate(fn, fn * np.array([0.5 / stiffness, 0.0, -0.5 / J, 0.0]), "Hz")
@@ -222,6 +246,10 @@ def _message(converged: bool, steps: int, max_steps: int) -> str:
 
 def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[str, ...]:
     found = []
+    if all(estimates[name].value < 0.0 for name in ("J", "stiffness", "damping")):
+        found.append(
+            "negative J, stiffness and damping: the output has the opposite sign; give `motor_constant` the other sign."
+        )
     cures = {
         "J": "the band ends before inertia shows, or the data hold a delay that the model has not; extend `band` "
         "upwards, or set fit_delay=True.",
@@ -239,7 +267,7 @@ def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[
         elif not estimate.identified:
             found.append(f"{name} is not determined by this band: its standard error exceeds its value.")
     fn = estimates["natural_frequency"].value
-    if not np.isnan(fn) and not frequency[0] <= fn <= frequency[-1]:
+    if fn > 0.0 and not frequency[0] <= fn <= frequency[-1]:
         found.append(
             f"the resonance at {fn:.4g} Hz lies outside the band from {frequency[0]:.4g} to {frequency[-1]:.4g} Hz: "
             "one of inertia and stiffness rests on the model alone."
