@@ -185,3 +185,29 @@ def test_any_admissible_drive_stays_finite_and_bounded(logs, seed, noisy):
     assert float(jnp.max(jnp.abs(run.z))) <= 3.0 * bend
     # Never faster than the force could make it without friction.
     assert float(jnp.max(jnp.abs(run.v))) <= 1.5 * np.max(np.abs(u)) / value["J"] * N / RATE
+
+
+@pytest.mark.parametrize(("plant", "relative"), [("table_i", 0.9), ("rotary", 1.5), ("stage", 3.0)])
+def test_the_number_of_steps_is_found_and_keeps_its_word(plant, relative):
+    """The error is that against sixteen times as many steps, by no more than the estimate."""
+    drive = PLANTS[plant]
+    u, step = _input(drive, relative), 1e-3 * float(drive.friction.Fs / drive.friction.sigma0)
+    run = simulate(drive, u, RATE, substeps="auto", encoder_step=step)
+    assert run.substeps is not None and run.error is not None
+    assert run.error < 0.1 * step
+    finer = simulate(drive, u, RATE, substeps=16 * run.substeps)
+    assert float(jnp.max(jnp.abs(run.x - finer.x))) < 1.5 * run.error
+    # A run with half as many steps would not do: the number found is not larger than it must be.
+    if run.substeps > 1:
+        half = simulate(drive, u, RATE, substeps=run.substeps // 2)
+        assert float(jnp.max(jnp.abs(half.x - finer.x))) > 0.05 * step
+
+
+def test_a_tolerance_that_cannot_be_met_and_a_missing_one_are_told():
+    u = _input(TABLE_I, 2.0)
+    with pytest.raises(ValueError, match="needs a positive `encoder_step` or `tolerance`"):
+        simulate(TABLE_I, u, RATE, substeps="auto")
+    with pytest.raises(ValueError, match="raise `tolerance`"):
+        simulate(TABLE_I, u, RATE, substeps="auto", tolerance=1e-18)
+    with pytest.raises(ValueError, match="outside jit"):
+        jax.jit(lambda force: simulate(TABLE_I, force, RATE, substeps="auto", tolerance=1e-6).x)(u)
