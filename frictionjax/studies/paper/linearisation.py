@@ -2,10 +2,11 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from frictionjax.physics import Drive, linearize
+from frictionjax.physics import Drive, Linearization, linearize
 from frictionjax.studies.level_sweep import table_one
 
 
@@ -34,6 +35,11 @@ class Linearised(eqx.Module):
     damping_right: Float[np.ndarray, " k"]
 
 
+@eqx.filter_jit
+def _at(drive: Drive, deflections: Float[Array, " k"]) -> Linearization:
+    return jax.vmap(lambda z: linearize(drive, z=z))(deflections)
+
+
 def linearised(drive: Drive | None = None, *, points: int = 41) -> Linearised:
     """Linearise `drive` at rest, with its bristle straight and bent.
 
@@ -47,9 +53,11 @@ def linearised(drive: Drive | None = None, *, points: int = 41) -> Linearised:
     **Raises:** `PrecisionError` unless JAX computes in float64.
     """
     drive = table_one() if drive is None else drive
-    zero = linearize(drive)
     bend = np.linspace(-1.0, 1.0, points)
-    ends = jax.vmap(lambda z: linearize(drive, z=z))(bend * float(drive.friction.Fs / drive.friction.sigma0))
+    bent = jnp.asarray(bend) * (drive.friction.Fs / drive.friction.sigma0)
+    # The zero state is the first of the batch: one compilation for all.
+    every = _at(drive, jnp.concatenate([jnp.zeros(1), bent]))
+    zero, ends = (jax.tree.map(lambda part, i=i: part[i], every) for i in (0, slice(1, None)))
     J = float(drive.J)
 
     def felt(matrices):

@@ -141,7 +141,8 @@ def _friction(p, memory, v, w, h):
     spring = p["sigma0"] * p["share"] / springs.shape[0]
     new_springs = jnp.clip(springs + (spring * slip * h)[None, :], -limit, limit)
     dry = jnp.sum(
-        0.5 * (springs + new_springs) + p["sigma1"] / (p["sigma0"] * h) * (new_springs - springs), axis=0
+        0.5 * (springs + new_springs) + (p["sigma1"] / (p["sigma0"] * h))[None, :] * (new_springs - springs),
+        axis=0,
     )
 
     rate = p["sigma0"] * soft(z) * jnp.abs(slip) / level + 1e-12

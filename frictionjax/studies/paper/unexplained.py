@@ -1,6 +1,7 @@
 """The question that the paper leaves open, put to `diagnose`: what makes a machine move further than LuGre?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import equinox as eqx
@@ -25,11 +26,10 @@ ANSWERS = {
 
 def rigid(twin: Twin) -> Twin:
     """The twin without its transmission and its delay, so that it differs from LuGre by its friction alone."""
-    values = {name: getattr(twin, name) for name in twin.__dataclass_fields__}
-    return Twin(**(values | {"arm_share": 0.0, "delay": 0}))
+    return replace(twin, arm_share=0.0, delay=0)
 
 
-def case_of(twin: Twin, *, seed: int = 0) -> Case:
+def case_of(twin: Twin, *, finer: float = 1.0, seed: int = 0) -> Case:
     """Six recordings to fit and two to keep aside, of the twin without its transmission.
 
     Two noises, ramps with holds, sines of several amplitudes and two frequencies, moves and a sweep under a
@@ -38,11 +38,13 @@ def case_of(twin: Twin, *, seed: int = 0) -> Case:
     **Arguments:**
 
     - `twin`: the machine; only its friction differs from a `Drive` with LuGre.
+    - `finer`: how many times finer than the rig's its encoder is.
     - `seed`: of the excitation and of the encoder's noise.
 
     **Returns:** the `Case`.
     """
-    machine, rng = rigid(twin), np.random.default_rng(seed)
+    machine = replace(rigid(twin), encoder_step=twin.encoder_step / finer)
+    rng = np.random.default_rng(seed)
     open_loop = {name: machine.static_voltage * u for name, u in _voltages(rng).items()}
     closed_loop = _references()
     recordings = []
@@ -108,13 +110,18 @@ class Explained(eqx.Module):
 
 
 def explain(
-    machines: Sequence[Twin] | None = None, *, seed: int = 0, progress: Progress = silent
+    machines: Sequence[Twin] | None = None,
+    *,
+    finer: float = 1.0,
+    seed: int = 0,
+    progress: Progress = silent,
 ) -> tuple[Explained, ...]:
     """Diagnose the twins, about a minute each.
 
     **Arguments:**
 
     - `machines`: twins whose names stand in `ANSWERS`; the three that are not LuGre when absent.
+    - `finer`: how many times finer than the rig's the encoder is.
     - `seed`: of all noise.
     - `progress`: told how far the work has come.
 
@@ -128,7 +135,7 @@ def explain(
             progress(f"{twin.name}: {stage}", (i + fraction) / len(machines))
 
         inner("measuring", 0.0)
-        diagnosis = diagnose(case_of(twin, seed=seed), progress=inner)
+        diagnosis = diagnose(case_of(twin, finer=finer, seed=seed), progress=inner)
         found.append(Explained(twin=twin, answer=ANSWERS[twin.name], diagnosis=diagnosis))
     return tuple(found)
 

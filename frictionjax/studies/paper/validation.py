@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from frictionjax.core import Progress, silent
+from frictionjax.frequency import SKResult
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate
 from frictionjax.studies.paper.identification import Identified
@@ -97,22 +100,42 @@ def validate(identified: Sequence[Identified], *, progress: Progress = silent) -
     for i, (name, u) in enumerate(signals.items()):
         progress("measuring break-away and sines", 0.5 * i / len(signals))
         runs[name] = measure(machines, np.tile(u[:, None], (1, len(machines))), seed=100 + i).x
-    found = []
-    for i, one in enumerate(identified):
-        progress("predicting break-away and sines", 0.5 + 0.5 * i / len(identified))
-        found.append(_validation(one, signals, {name: x[:, i] for name, x in runs.items()}))
-    return tuple(found)
+    # Both models of every machine, side by side: LuGre as the paper identifies it, and at zero amplitude.
+    models = [_drive(one.twin, one.fit, one.fit.stiffness.value) for one in identified]
+    models += [_drive(one.twin, one.fits[0], one.zero_amplitude.stiffness.value) for one in identified]
+    together = jax.tree.map(lambda *parts: jnp.stack(parts), *models)
+    predicted = {}
+    for i, (name, u) in enumerate(signals.items()):
+        progress("predicting break-away and sines", 0.5 + 0.5 * i / len(signals))
+        predicted[name] = np.asarray(_predict(together, jnp.asarray(u)))
+    progress("break-away and sines compared", 1.0)
+    count = len(identified)
+    return tuple(
+        _validation(
+            one,
+            (models[i], models[count + i]),
+            {
+                name: Response(
+                    t=np.arange(u.size) / SAMPLE_RATE,
+                    u=u,
+                    measured=runs[name][:, i],
+                    paper=predicted[name][i],
+                    extrapolated=predicted[name][count + i],
+                )
+                for name, u in signals.items()
+            },
+        )
+        for i, one in enumerate(identified)
+    )
 
 
-def _validation(one: Identified, signals, measured) -> Validation:
-    twin, lowest = one.twin, one.fits[0]
-    paper = _drive(twin, one.fit.J.value, one.fit.stiffness.value, one.fit.damping.value)
-    better = _drive(twin, lowest.J.value, one.zero_amplitude.stiffness.value, lowest.damping.value)
-    responses = {}
-    for name, u in signals.items():
-        x = [np.asarray(simulate(drive, u, SAMPLE_RATE).x) for drive in (paper, better)]
-        t = np.arange(u.size) / SAMPLE_RATE
-        responses[name] = Response(t=t, u=u, measured=measured[name], paper=x[0], extrapolated=x[1])
+@eqx.filter_jit
+def _predict(drives: Drive, u: Float[Array, " n"]) -> Float[Array, "models n"]:
+    return jax.vmap(lambda drive: simulate(drive, u, SAMPLE_RATE).x)(drives)
+
+
+def _validation(one: Identified, models: tuple[Drive, Drive], responses: dict[str, Response]) -> Validation:
+    twin = one.twin
     ramp = responses["ramp"]
     ratios = np.array([_on_the_ramp(ramp, part * twin.static_voltage) for part in PARTS])
     peak, mismatch = {}, {}
@@ -126,8 +149,8 @@ def _validation(one: Identified, signals, measured) -> Validation:
             mismatch[name + label] = float(np.std(loops[0] - loop) / np.std(loops[0]))
     return Validation(
         twin=twin,
-        drive=paper,
-        drive_extrapolated=better,
+        drive=models[0],
+        drive_extrapolated=models[1],
         ramp=ramp,
         small=responses["small"],
         large=responses["large"],
@@ -139,9 +162,9 @@ def _validation(one: Identified, signals, measured) -> Validation:
     )
 
 
-def _drive(twin: Twin, J: float, stiffness: float, damping: float) -> Drive:
-    friction = LuGre(stiffness, damping - twin.sigma2, twin.sigma2, twin.Fc, twin.Fs, twin.vs)
-    return Drive(J, friction, twin.motor_constant)
+def _drive(twin: Twin, fit: SKResult, stiffness: float) -> Drive:
+    friction = LuGre(stiffness, fit.damping.value - twin.sigma2, twin.sigma2, twin.Fc, twin.Fs, twin.vs)
+    return Drive(fit.J.value, friction, twin.motor_constant)
 
 
 def _on_the_ramp(ramp: Response, volt: float) -> tuple[float, float]:
