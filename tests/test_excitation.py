@@ -77,6 +77,39 @@ def test_a_multisine_on_given_frequencies():
     assert np.flatnonzero(amplitude > 1e-9).tolist() == [5, 70, 200]
 
 
+@pytest.mark.parametrize("group", [3, 4])
+def test_one_odd_line_of_each_group_stays_silent(group):
+    lines = excitation.multisine_lines(KEY, N, RATE, (1.0, 50.0), group=group)
+    odd = np.arange(11, 500, 2)
+    groups = odd.size // group
+    assert lines.odd.size == groups or (lines.odd.size == groups - 1 and lines.excited[-1] < odd[-1])
+    np.testing.assert_array_equal(
+        np.unique(np.searchsorted(odd, lines.odd) // group), np.unique(np.arange(lines.odd.size))
+    )
+    assert np.all(lines.excited % 2 == 1)
+    assert np.all(lines.even % 2 == 0)
+    whole = np.sort(np.concatenate([lines.excited, lines.odd, lines.even]))
+    np.testing.assert_array_equal(whole, np.arange(lines.excited[0], lines.excited[-1] + 1))
+    u = excitation.multisine(KEY, N, RATE, lines.frequency, 0.5)
+    assert np.flatnonzero(np.abs(np.fft.rfft(u)) / N > 1e-9).tolist() == lines.excited.tolist()
+
+
+def test_silent_lines_are_drawn_evenly():
+    """Which line of a group is silent differs from key to key, and each is as likely."""
+    drawn = []
+    for i in range(40):
+        lines = excitation.multisine_lines(jax.random.key(i), N, RATE, (0.1, 80.0))
+        inner = lines.odd[(lines.odd > 8) & (lines.odd < 792)]
+        drawn.extend((inner - 1) // 2 % 4)
+    counts = np.bincount(drawn, minlength=4)
+    expected = len(drawn) / 4.0
+    # Chi-square with three degrees of freedom.
+    assert np.sum((counts - expected) ** 2) / expected < 25.9
+    plain = excitation.multisine_lines(KEY, N, RATE, (0.1, 80.0), group=0)
+    assert plain.odd.size == 0
+    np.testing.assert_array_equal(plain.excited, np.arange(1, 801, 2))
+
+
 def test_a_ramp_rests_rises_and_holds():
     u = excitation.ramp(2001, 1000.0, -3.0, rest=0.5, hold=0.25)
     assert np.all(u[:501] == 0.0)
@@ -130,6 +163,9 @@ def test_moves_go_from_rest_to_rest_with_the_promised_peak_velocity():
         (lambda: excitation.gaussian_noise(KEY, N, RATE, 0.05, 1.0), "multiples of 0.1 Hz"),
         (lambda: excitation.multisine(KEY, N, RATE, (1200.0, 1500.0), 1.0), "below 1000.0 Hz"),
         (lambda: excitation.multisine(KEY, N, RATE, (0.2, 0.2), 1.0, odd=True), "no odd lines"),
+        (lambda: excitation.multisine_lines(KEY, N, RATE, (1.0, 2.0)), "holds 5 odd lines"),
+        (lambda: excitation.multisine_lines(KEY, N, RATE, (2000.0, 3000.0)), "holds 0 odd lines"),
+        (lambda: excitation.multisine_lines(KEY, N, RATE, (1.0, 50.0), group=1), "`group` is 1"),
         (lambda: excitation.ramp(100, 100.0, 1.0, rest=0.6, hold=0.6), "`rest`"),
         (lambda: excitation.presliding_loop(100, 100.0, 1.0, nested=(0.2, 0.4)), "decreasing order"),
         (lambda: excitation.presliding_loop(100, 100.0, 1.0, cycles=0), "at least once"),

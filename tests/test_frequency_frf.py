@@ -103,6 +103,34 @@ def test_the_standard_deviation_is_the_scatter_of_two_hundred_records(overlap):
     assert mean.var() / promised == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / seeds))
 
 
+@pytest.mark.parametrize("overlap", [0.0, 0.5, 0.75])
+def test_magnitude_and_phase_scatter_as_promised(overlap):
+    """Each on its own against two hundred records; counting all segments as independent would fail it."""
+    seeds, n, segment = 200, 32_768, 1024
+    u, x = (np.stack(part) for part in zip(*(_record(s, n, 1.0) for s in range(seeds)), strict=True))
+    batch = jax.vmap(lambda u, x: estimate_frf(u, x, RATE, segment=segment, overlap=overlap))(u, x)
+    # Where coherence is high, both are linear in the noise; neighbouring bins share a window, so every third.
+    # Segments are long enough that noise, not what the window cuts off, makes the scatter.
+    band = slice(6, 48, 3)
+    turned = np.asarray(batch.response)[:, band] / np.mean(np.asarray(batch.response)[:, band], axis=0)
+    scatter = {"magnitude": np.abs(turned) - 1.0, "phase": np.angle(turned)}
+    for part, error in scatter.items():
+        std = np.asarray(batch.phase_std)[:, band]
+        if part == "magnitude":
+            std = np.asarray(batch.std / np.abs(batch.response))[:, band]
+        off = error - error.mean(axis=0)
+        each = np.mean(off**2 / np.mean(std**2, axis=0), axis=1) * seeds / (seeds - 1)
+        gate = 4.5 * each.std() / np.sqrt(seeds)
+        assert abs(each.mean() - 1.0) < gate < 0.25
+        if overlap == 0.75:
+            # The naive number of segments promises errors too small by more than the gate.
+            segments = 1 + (n - segment) // (segment // 4)
+            naive = (segments - 1.0) / (float(batch.averages_effective[0]) - 1.0)
+            assert abs(naive * each.mean() - 1.0) > gate
+    silent = estimate_frf(np.zeros(4096), np.zeros(4096), RATE, segment=512)
+    assert np.all(np.isinf(silent.phase_std))
+
+
 def test_a_batch_is_its_members():
     records = [_record(seed, 4096, 0.1) for seed in (0, 1)]
     u, x = (np.stack(part) for part in zip(*records, strict=True))

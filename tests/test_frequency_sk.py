@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from frictionjax.core import InputError, PrecisionError
 from frictionjax.frequency import FRF, SKResult, estimate_frf, fit_sk
-from frictionjax.frequency.second_order import iterate
+from frictionjax.frequency.second_order import Lines, iterate, start
 
 ARM = {"J": 0.03, "stiffness": 2000.0, "damping": 8.0, "motor_constant": 16.0}
 TABLE_I = {"J": 1.0, "stiffness": 1e5, "damping": 316.6, "motor_constant": 1.0}
@@ -163,6 +163,113 @@ def test_noise_in_the_response_leaves_no_bias():
     z = np.array([(sk.stiffness.value - 2000.0) / sk.stiffness.stderr for sk in found])
     assert abs(z.mean()) < 4.5 / np.sqrt(40.0)
     assert 0.6 < z.std() < 1.5
+
+
+@pytest.mark.parametrize("machine", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("input_unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("time", [1e-3, 1e3])
+def test_units_of_any_size_change_nothing(machine, input_unit, time):
+    exact = _exact(ARM, 2000.0)
+    scaled = eqx.tree_at(
+        lambda f: (f.response, f.std, f.frequency, f.sample_rate),
+        exact,
+        (
+            exact.response * (input_unit / machine),
+            exact.std * (input_unit / machine),
+            exact.frequency / time,
+            exact.sample_rate / time,
+        ),
+    )
+    sk = fit_sk(scaled, (2.0 / time, 150.0 / time), motor_constant=16.0 * input_unit)
+    assert sk.converged
+    assert sk.warnings == ()
+    for name, power in (("J", 2), ("stiffness", 0), ("damping", 1)):
+        assert getattr(sk, name).value / machine / time**power == pytest.approx(ARM[name], rel=1e-7)
+        assert getattr(sk, name).stderr / machine / time**power < 0.01 * ARM[name]
+
+
+def _with_noise(exact, response, relative, seed=0):
+    rng = np.random.default_rng(seed)
+    spread = relative * np.abs(response)
+    noise = spread * (rng.standard_normal(2049) + 1j * rng.standard_normal(2049))
+    return eqx.tree_at(
+        lambda f: (f.response, f.std), exact, (jnp.asarray(response + noise), jnp.asarray(spread))
+    )
+
+
+@pytest.mark.parametrize(("mode", "share"), [(260.0, 0.1), (260.0, 0.5), (200.0, 0.3)])
+def test_a_mode_above_the_band_is_told_as_misfit_and_a_narrower_band_mends_it(mode, share):
+    exact = _exact(ARM, 2000.0)
+    s, w = 2j * np.pi * np.asarray(exact.frequency), 2.0 * np.pi * mode
+    response = np.asarray(exact.response) * (1.0 - share * s**2 / (s**2 + 0.06 * w * s + w**2))
+    frf = _with_noise(exact, response, 0.003)
+    wide, narrow = (fit_sk(frf, (2.0, top), motor_constant=16.0) for top in (150.0, 60.0))
+    assert wide.converged
+    assert narrow.converged
+    assert any("misfit" in warning for warning in wide.warnings)
+    for name in ("J", "stiffness", "damping"):
+        off = [abs(getattr(sk, name).value / ARM[name] - 1.0) for sk in (wide, narrow)]
+        assert off[1] < 0.02
+        # More than the standard errors say: this is why there is a warning.
+        if name != "damping":
+            assert off[1] < off[0]
+            assert off[0] > 3.0 * getattr(wide, name).stderr / ARM[name]
+
+
+def test_noise_above_the_response_gives_numbers_or_a_sentence_and_no_nan():
+    """Noise of twice the static response on every bin: linear starts that are unstable, and fits that may end so."""
+    exact = _exact(ARM, 2000.0)
+    spread = 2.0 * float(jnp.abs(exact.response[0]))
+    inside = (np.asarray(exact.frequency) >= 2.0) & (np.asarray(exact.frequency) <= 150.0)
+    omega = 2.0 * np.pi * np.asarray(exact.frequency)[inside]
+    unstable, recovered = 0, 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        noise = spread * (rng.standard_normal(2049) + 1j * rng.standard_normal(2049))
+        frf = eqx.tree_at(
+            lambda f: (f.response, f.std), exact, (exact.response + noise, jnp.full(2049, spread))
+        )
+        response = frf.response[inside]
+        size = jnp.max(jnp.abs(response))
+        lines = Lines(
+            jnp.asarray(omega / omega[-1]),
+            response / size.astype(complex),
+            jnp.full(omega.size, size / spread),
+            jnp.asarray(4000.0 * np.pi / omega[-1]),
+        )
+        if float(jnp.min(start(lines, jnp.asarray(0.0), True)[:3])) > 0.0:
+            continue
+        unstable += 1
+        sk = fit_sk(frf, (2.0, 150.0), motor_constant=16.0)
+        assert np.all(np.isfinite(sk.residual_norm))
+        for name in ("J", "stiffness", "damping", "natural_frequency", "damping_ratio"):
+            assert np.isfinite(getattr(sk, name).value)
+        if min(sk.J.value, sk.stiffness.value, sk.damping.value) > 0.0:
+            recovered += abs(sk.stiffness.value - 2000.0) < 4.5 * sk.stiffness.stderr
+        else:
+            assert any(warning.startswith("negative ") for warning in sk.warnings)
+    assert unstable >= 5
+    assert recovered >= unstable / 2
+
+
+def test_unrelated_signals_are_refused():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        frf = estimate_frf(*rng.standard_normal((2, 32_768)), 2000.0, segment=2048)
+        with pytest.raises(InputError, match=r"no more than unrelated signals show .* aligned in time"):
+            fit_sk(frf, (2.0, 150.0))
+    u = rng.standard_normal(32_768)
+    with pytest.raises(InputError, match="the output does not answer the input anywhere"):
+        fit_sk(estimate_frf(u, np.zeros(32_768), 2000.0, segment=2048), (2.0, 150.0))
+    zero = eqx.tree_at(lambda f: f.coherence, _exact(ARM, 2000.0), jnp.zeros(2049))
+    with pytest.raises(InputError, match=r"the coherence from 2\.0 to 150\.0 Hz is 0"):
+        fit_sk(zero, (2.0, 150.0))
+    # A coherence of a few per cent, of many averages, is a response: it is fitted, however roughly.
+    weak = estimate_frf(*_noisy(ARM, 2000.0, 2**19, 5.0, 1), 2000.0, segment=2048)
+    inside = (np.asarray(weak.frequency) > 2.0) & (np.asarray(weak.frequency) < 150.0)
+    assert np.mean(np.asarray(weak.coherence)[inside]) < 0.6
+    sk = fit_sk(weak, (2.0, 150.0), motor_constant=16.0)
+    assert abs(sk.stiffness.value - 2000.0) < 4.5 * sk.stiffness.stderr < 400.0
 
 
 def test_units_and_signs_of_what_is_found():

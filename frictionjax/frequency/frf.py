@@ -63,7 +63,8 @@ def estimate_frf(
     `|response| sqrt((1 - coherence) / (2 coherence (n - 1)))` (Bendat and Piersol, Random Data, 4th ed., ch. 9, who
     leave out that the response itself takes one degree of freedom), with `n` the effective number of averages:
     overlapping segments are not independent. Segments should be long against the time in which the machine's
-    vibration dies: what a window cuts off it biases the response by its square, towards more damping.
+    vibration dies: what a window cuts off it biases the response by its square, towards more damping. It
+    also counts as noise: at high coherence the standard deviations are then too wide, never too narrow.
 
     What the input does not explain linearly counts as noise, be it the sensor's or friction's own. Close to zero
     frequency, a coherence that stays below 0.95 without measurement noise is a sign that friction is not linear at
