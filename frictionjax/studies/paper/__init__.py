@@ -1,6 +1,7 @@
 """Hensen, van de Molengraft, Steinbuch (2002), experiment by experiment, on synthetic machines of ours."""
 
 from frictionjax.studies.paper.identification import BAND as BAND
+from frictionjax.studies.paper.identification import LEVELS as LEVELS
 from frictionjax.studies.paper.identification import PAPER_LEVEL as PAPER_LEVEL
 from frictionjax.studies.paper.identification import Identified as Identified
 from frictionjax.studies.paper.identification import identify as identify
