@@ -34,6 +34,7 @@ from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
 from frictionjax.studies import Design as Design
 from frictionjax.studies import Study as Study
+from frictionjax.studies import compare_estimators as compare_estimators
 from frictionjax.studies import level_sweep as level_sweep
 from frictionjax.studies import run_study as run_study
 
@@ -60,6 +61,7 @@ __all__ = [
     "best_linear_approximation",
     "case_from_files",
     "catalogue",
+    "compare_estimators",
     "diagnose",
     "estimate_frf",
     "excitation",

@@ -24,7 +24,7 @@ EXPECTED = sorted(
         *("Diagnosis", "Estimate", "FRF", "FitResult", "Trajectory"),
         *("BLA", "Resonances", "ZeroAmplitude"),
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
-        *("Design", "Study", "run_study", "level_sweep"),
+        *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }
 )
