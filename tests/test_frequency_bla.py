@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, freqz, lfilter
-from scipy.stats import chi2, kstest
+from scipy.stats import chi2, f, kstest
 
 from frictionjax.core import InputError, PrecisionError
 from frictionjax.excitation import multisine, multisine_lines
@@ -85,6 +85,8 @@ def test_a_linear_machine_leaves_only_noise_at_the_detection_lines():
             found = getattr(bla, name)
             values.append(float(found.p_value))
             level = 2 * m * np.sum(found.level**2) / known
+            tail = f.sf(float(found.ratio) ** 2, *np.asarray(found.freedom))
+            assert float(found.p_value) == pytest.approx(tail, rel=1e-9)
             assert chi2.ppf(1e-6, 2 * m * found.level.size) < level < chi2.isf(1e-6, 2 * m * found.level.size)
     for values in p_values.values():
         assert kstest(values, "uniform").pvalue > 1e-4
@@ -126,14 +128,14 @@ def test_a_static_nonlinearity_gives_the_levels_of_theory(quadratic, cubic):
     """x + b x^2 + a x^3 behind a multisine: BLA 1 + 3 a rms^2 (1 - 1 / 2F); a answers on odd lines, b on even ones."""
     m, rms = 400, 0.7
     lines = multisine_lines(jax.random.key(2), N, RATE, (1.0, 47.0))
-    f = lines.excited.size
+    count = lines.excited.size
     u = _inputs(m, 3, rms, lines, seed=3)
     bla = _bla(u, u + quadratic * u**2 + cubic * u**3, lines=lines)
-    gain = 1.0 + 3.0 * cubic * rms**2 * (1.0 - 0.5 / f)
+    gain = 1.0 + 3.0 * cubic * rms**2 * (1.0 - 0.5 / count)
     z = np.abs(np.asarray(bla.response) - gain) / np.sqrt(np.asarray(bla.total_variance) + 1e-30)
     assert np.all(z < 4.5)
-    assert np.mean(z**2) < 1.0 + 5.0 / np.sqrt(f)
-    amplitude = rms * np.sqrt(2.0 / f)
+    assert np.mean(z**2) < 1.0 + 5.0 / np.sqrt(count)
+    amplitude = rms * np.sqrt(2.0 / count)
     for found, silent in ((bla.odd, lines.odd), (bla.even, lines.even)):
         expected = _square_and_cube(
             quadratic * amplitude**2, cubic * amplitude**3, silent, np.asarray(lines.excited)

@@ -61,6 +61,23 @@ def test_the_sweep_of_table_one_ends_at_sigma0(relative):
     assert abs(without.stiffness.value - 1e5) < 2.0 * without.stiffness.stderr
 
 
+def test_what_the_choice_of_a_curve_leaves_open_is_in_the_error(monkeypatch):
+    """Law of total variance: two forms that fit equally well and disagree make the error wider by half of that."""
+    levels = np.array([0.1, 0.15, 0.2, 0.26])
+    y = 1.0 - 1.5 * levels**1.5
+    both = {}
+    for forms in ({"a": (1,)}, {"b": (2,)}, {"a": (1,), "b": (2,)}):
+        monkeypatch.setattr("frictionjax.frequency.extrapolation.FORMS", forms)
+        both["".join(forms)] = extrapolate_to_zero_amplitude(levels, y, np.full(4, 0.01)).stiffness
+    one, two, mean = both["a"], both["b"], both["ab"]
+    share = (mean.value - two.value) / (one.value - two.value)
+    assert 0.2 < share < 0.8
+    within = share * one.stderr**2 + (1.0 - share) * two.stderr**2
+    between = share * (1.0 - share) * (one.value - two.value) ** 2
+    assert between > 0.2 * within
+    assert mean.stderr**2 == pytest.approx(within + between, rel=1e-9)
+
+
 def test_levels_beyond_the_curve_are_left_out():
     """A collapse at high levels, as of a machine that breaks away, does not reach the limit."""
     levels = np.append(LEVELS, [0.4, 0.6, 0.8])

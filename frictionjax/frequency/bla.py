@@ -173,8 +173,9 @@ def best_linear_approximation(
                 f"the input has no power on {bad.size} of {excited.size} `lines`, the first {bad[0]}",
                 cure="Check `period`, and that `lines` are multiples of sample_rate / period.",
             )
-    lines_of = tuple(jnp.asarray(part) for part in (excited, silent.odd, silent.even))
-    return _bla(U, X, jnp.asarray(sample_rate, float), period, *lines_of, correct_input)
+    rate = jnp.asarray(sample_rate, float)
+    places = [jnp.asarray(part) for part in (excited, silent.odd, silent.even)]
+    return _bla(U, X, rate, period, places, correct_input)
 
 
 def _checked(name: str, values: ArrayLike) -> Float[Array, "m n"]:
@@ -201,7 +202,8 @@ def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array,
 
 
 @eqx.filter_jit
-def _bla(U, X, sample_rate, period, excited, odd, even, correct_input: bool) -> BLA:
+def _bla(U, X, sample_rate, period: int, places: list[Int[Array, " k"]], correct_input: bool) -> BLA:
+    excited, odd, even = places
     m, periods = U.shape[:2]
     u, x = U[:, :, excited], X[:, :, excited]
     mean_u, mean_x = jnp.mean(u, axis=1), jnp.mean(x, axis=1)
