@@ -2,18 +2,25 @@
 
 import json
 import math
+import time
 import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_diagnosis import fake_diagnosis
 from PIL import Image
 
 from frictionjax.cli import main
 from frictionjax.core import Estimate, InputError
+from frictionjax.report.canvas import drawing
 from frictionjax.report.paper import paper_lines, tables, write_paper
+from frictionjax.report.paper.estimators import fig_estimators
+from frictionjax.report.paper.sheet import save
 from frictionjax.report.paper.tables import plain
-from frictionjax.studies.paper import Twin, identify, motor_bench, reproduce
+from frictionjax.studies.estimator_comparison import EstimatorComparison
+from frictionjax.studies.paper import Explained, Twin, identify, motor_bench, reproduce
 from frictionjax.studies.paper.validation import folded
 
 FIGURES = ["fig2_presliding", "eq3_linearisation", "fig4a_table3_stiffness", "fig4b_response"]
@@ -150,6 +157,70 @@ def test_every_figure_is_drawn_with_units_on_its_axes(paper, tmp_path):
     assert json.loads((tmp_path / "new" / "tables.json").read_text(encoding="utf-8"))["schema"]
 
 
+def test_a_comparison_is_drawn_and_told(paper, tmp_path):
+    rng, shape = np.random.default_rng(0), (4, 3, 20, 7)
+    noise, truth = np.array([1e-9, 1e-8, 1e-7]), np.array([1.0, 1e5, 316.0, 0.4, 1.0, 1.5, 1e-3])
+    stderr = 1e6 * noise[None, :, None, None] * truth * np.ones(shape)
+    estimates = truth + stderr * rng.standard_normal(shape)
+    estimates[:2, ..., 3:] = np.nan
+    bound = stderr[:, :, 0]
+    bound[:2, :, 3:] = np.nan
+    found = EstimatorComparison(
+        estimators=("sk", "frf_ml", "breakaway", "joint"),
+        parameters=("J", "sigma0", "sigma1+sigma2", "sigma2", "Fc", "Fs", "vs"),
+        units=("N*s^2/m", "N/m", "N*s/m", "N*s/m", "N", "N", "m/s"),
+        noise=noise,
+        truth=truth,
+        estimates=estimates,
+        stderr=stderr,
+        converged=np.ones(shape[:3], bool),
+        bound=bound,
+        seconds={"sk": 1.0, "frf_ml": 1.0, "breakaway": 2.0, "joint": 3.0},
+        excitation=0.1,
+    )
+    compared = replace(paper, comparison=found)
+    with drawing():
+        save(fig_estimators(found), tmp_path / "comparison")
+    assert (tmp_path / "comparison.svg").stat().st_size > 10_000
+    table = tables(compared)["estimators"]
+    assert json.loads(json.dumps(table, allow_nan=False))["draws"] == 20
+    assert {row["estimator"] for row in table["rows"] if row["parameter"] == "vs"} == {"breakaway", "joint"}
+    assert "Estimators compared:" in paper_lines(compared)
+
+
+def test_a_comparison_in_another_thread_is_waited_for(monkeypatch):
+    asked, heard = {}, []
+
+    def compare(*, draws, seed, executor, progress):
+        asked.update(draws=draws, seed=seed)
+        progress("draws", 0.5)
+        time.sleep(0.2)
+        return "compared"
+
+    monkeypatch.setattr("frictionjax.studies.paper.study.compare_estimators", compare)
+    monkeypatch.setattr("frictionjax.studies.paper.study._experiments", lambda *_: _Bare())
+    found = reproduce(draws=7, seed=5, progress=lambda stage, fraction: heard.append((stage, fraction)))
+    assert asked == {"draws": 7, "seed": 5}
+    assert found.comparison == "compared"
+    assert heard[-1] == ("estimators compared", 1.0)
+    assert ("comparing estimators", pytest.approx(0.8)) in heard
+
+
+def test_what_goes_wrong_in_another_thread_is_told(monkeypatch):
+    def compare(**_):
+        raise InputError("`draws` is 1")
+
+    monkeypatch.setattr("frictionjax.studies.paper.study.compare_estimators", compare)
+    monkeypatch.setattr("frictionjax.studies.paper.study._experiments", lambda *_: _Bare())
+    with pytest.raises(InputError, match="`draws` is 1"):
+        reproduce(draws=1)
+
+
+@dataclass(frozen=True)
+class _Bare:
+    comparison: object = None
+
+
 def test_lines_for_the_terminal(paper):
     lines = paper_lines(paper)
     assert any("50.329 Hz" in line for line in lines)
@@ -182,6 +253,20 @@ def test_the_program_writes_and_tells(paper, tmp_path, capsys, monkeypatch):
     assert asked == {"quick": False, "seed": 3}
     assert told.err.splitlines() == ["presliding loop (Fig. 2) ...", "drawing ..."]
     assert str(tmp_path / "out" / "tables.json") in told.out
+
+
+def test_the_program_diagnoses_when_asked(paper, tmp_path, capsys, monkeypatch):
+    told = fake_diagnosis(n=200)
+    explained = (Explained(twin=Twin(name="creep"), answer="creep", diagnosis=told),)
+    monkeypatch.setattr("frictionjax.studies.paper.reproduce", lambda **_: paper)
+    monkeypatch.setattr("frictionjax.studies.paper.explain", lambda *, seed, progress: explained)
+    monkeypatch.setattr("frictionjax.report.paper.write.save", lambda figure, file: None)
+    assert main(["paper", "--quick", "--diagnose", "--out", str(tmp_path)]) == 0
+    assert f"creep              {told.missing[0].effect}" in capsys.readouterr().out
+    found = json.loads((tmp_path / "tables.json").read_text(encoding="utf-8"))["diagnoses"]["creep"]
+    assert found["truth"] == "creep"
+    assert found["named"] == [missing.effect for missing in told.missing]
+    assert found["right"] is (found["named"][0] == "creep")
 
 
 def test_an_output_that_is_a_file_is_found_before_the_work(tmp_path, capsys, monkeypatch):

@@ -37,6 +37,8 @@ def paper_lines(
     found += [
         f"  {item.twin.name:<18} {item.ratio('small'):.2f}  {item.ratio('large'):.2f}" for item in valid
     ]
+    if paper.comparison is not None:
+        found += ["Estimators compared:", *(f"  {sentence}" for sentence in paper.comparison.sentences)]
     if explained:
         found += ["What `diagnose` names:"]
         found += [f"  {item.twin.name:<18} {', '.join(item.named) or 'nothing'}" for item in explained]

@@ -17,7 +17,7 @@ TWIN, PAPER, BETTER = MEASURED, BASE, EXTENDED
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 """Okabe and Ito's colours, for series that are alike."""
 
-_CHARACTERS = 18.5  # of the caption in an inch
+_CHARACTERS = 17.0  # of the caption in an inch
 
 
 def sheet(

@@ -9,6 +9,7 @@ import numpy as np
 from frictionjax.core import Estimate
 from frictionjax.frequency import SKResult
 from frictionjax.studies import LevelSweep
+from frictionjax.studies.estimator_comparison import EstimatorComparison
 from frictionjax.studies.paper import (
     BAND,
     PARTS,
@@ -56,6 +57,7 @@ def tables(
         "table3": _sweep(paper.sweep),
         "fig4": {one.twin.name: _identified(one) for one in paper.identified},
         "fig5_fig6": {one.twin.name: _validation(one) for one in paper.validations},
+        "estimators": None if paper.comparison is None else _comparison(paper.comparison),
         "diagnoses": {one.twin.name: _explained(one) for one in explained},
         "motor_bench": None if bench is None else _bench(bench),
         "seconds": paper.seconds,
@@ -213,6 +215,16 @@ def _explained(one: Explained) -> dict[str, Any]:
             for fit in one.diagnosis.recordings
         },
         "seconds": one.diagnosis.seconds,
+    }
+
+
+def _comparison(found: EstimatorComparison) -> dict[str, Any]:
+    return {
+        "plant": "Table I",
+        "draws": found.converged.shape[2],
+        "sentences": found.sentences,
+        "seconds": found.seconds,
+        "rows": found.rows,
     }
 
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from frictionjax.core import InputError, Progress, silent
 from frictionjax.report.canvas import drawing
 from frictionjax.report.paper.bench import fig_bench
+from frictionjax.report.paper.estimators import fig_estimators
 from frictionjax.report.paper.experiments import fig5, fig6
 from frictionjax.report.paper.responses import fig4a, fig4b
 from frictionjax.report.paper.sheet import save
@@ -48,6 +49,9 @@ def write_paper(
         "fig5_breakaway": lambda: fig5(paper.validations),
         "fig6_sines": lambda: fig6(paper.validations),
     }
+    if paper.comparison is not None:
+        comparison = paper.comparison
+        figures["comparison_estimators"] = lambda: fig_estimators(comparison)
     if bench is not None:
         figures["real_motor_bench"] = lambda: fig_bench(bench)
     written = []

@@ -2,11 +2,14 @@
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
 
 from frictionjax.core import Progress, require_x64, silent
+from frictionjax.studies.estimator_comparison import EstimatorComparison, compare_estimators
 from frictionjax.studies.level_sweep import LevelSweep, level_sweep
 from frictionjax.studies.paper.identification import LEVELS, Identified, identify
 from frictionjax.studies.paper.linearisation import Linearised, linearised
@@ -36,7 +39,8 @@ class Paper(eqx.Module):
     - `sweep`: Fig. 4(a) and Table III on the plant of Table I.
     - `identified`: Fig. 4 on each twin.
     - `validations`: Fig. 5 and 6 on each twin.
-    - `seconds`: what each part took, s, by its name.
+    - `seconds`: what each part took, s, by its name; the parts share the machine with the comparison.
+    - `comparison`: of the estimators, if it was made.
     """
 
     presliding: Presliding
@@ -45,14 +49,18 @@ class Paper(eqx.Module):
     identified: tuple[Identified, ...]
     validations: tuple[Validation, ...]
     seconds: dict[str, float] = eqx.field(static=True)
+    comparison: EstimatorComparison | None
 
 
-def reproduce(*, quick: bool = False, seed: int = 0, progress: Progress = silent) -> Paper:
-    """Run every experiment of the paper.
+def reproduce(
+    *, quick: bool = False, draws: int | None = None, seed: int = 0, progress: Progress = silent
+) -> Paper:
+    """Run every experiment of the paper, and beside them the comparison of estimators.
 
     **Arguments:**
 
-    - `quick`: fewer levels, seeds and averages: a look in a tenth of the time, whose numbers are coarser.
+    - `quick`: fewer levels, seeds, averages and draws: a look in a fraction of the time, whose numbers are coarser.
+    - `draws`: of the comparison at each of its noise levels; 0 leaves it out. By default 500, or 0 if `quick`.
     - `seed`: of all noise.
     - `progress`: told how far the work has come.
 
@@ -61,42 +69,79 @@ def reproduce(*, quick: bool = False, seed: int = 0, progress: Progress = silent
     **Raises:** `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
+    draws = (0 if quick else 500) if draws is None else draws
+    compared = _Reached()
+    # Two threads draw while this one runs the experiments, each of which is one long scan.
+    with ThreadPoolExecutor(1) as beside, ThreadPoolExecutor(2) as drawers:
+        comparing = (
+            beside.submit(compare_estimators, draws=draws, seed=seed, executor=drawers, progress=compared)
+            if draws
+            else None
+        )
+        try:
+            paper = _experiments(quick, seed, progress, 0.6 if draws else 1.0)
+            if comparing is None:
+                return paper
+            while not comparing.done():
+                progress("comparing estimators", 0.6 + 0.4 * compared.fraction)
+                wait([comparing], timeout=1.0)
+            comparison = comparing.result()
+        except BaseException:
+            drawers.shutdown(wait=False, cancel_futures=True)
+            raise
+    progress("estimators compared", 1.0)
+    return replace(paper, comparison=comparison)
+
+
+class _Reached:
+    """How far work in another thread has come: the terminal hears of it from this one."""
+
+    def __init__(self) -> None:
+        self.fraction = 0.0
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        self.fraction = max(self.fraction, fraction)
+
+
+def _experiments(quick: bool, seed: int, progress: Progress, part: float) -> Paper:
+    """The paper's own experiments, one after the other; they take the progress from 0 to `part`."""
     seconds: dict[str, float] = {}
-    shares = {"presliding": 0.05, "linearised": 0.03, "identified": 0.2, "validations": 0.1, "sweep": 0.62}
-    done = 0.0
 
-    def timed(name: str, stage: str, work: Callable[..., Any], **options: Any) -> Any:
-        nonlocal done
-        start, begun, share = time.perf_counter(), done, shares[name]
-        progress(stage, begun)
+    def timed(name: str, what: str, start: float, stop: float, work: Callable[[Progress], Any]) -> Any:
+        def inner(stage: str, fraction: float) -> None:
+            progress(what, part * (start + (stop - start) * fraction))
 
-        def inner(_: str, fraction: float) -> None:
-            progress(stage, begun + share * fraction)
-
-        listens = {} if name in ("presliding", "linearised") else {"progress": inner}
-        result = work(**options, **listens)
-        done += share
-        seconds[name] = time.perf_counter() - start
+        inner(what, 0.0)
+        begun = time.perf_counter()
+        result = work(inner)
+        seconds[name] = time.perf_counter() - begun
+        inner(what, 1.0)
         return result
 
-    slow = timed("presliding", "presliding loop (Fig. 2)", presliding, seconds=20.0 if quick else 80.0)
-    linear = timed("linearised", "linearisation (3), (4)", linearised)
+    loop_seconds = 20.0 if quick else 80.0
     levels, averages = ((0.0025, 0.005, 0.01), 10) if quick else (LEVELS, 50)
+    fewer: dict[str, Any] = {"levels": (0.05, 0.1, 0.26), "seeds": 2, "averages": 6} if quick else {}
+    slow = timed("fig2", "presliding loop (Fig. 2)", 0.0, 0.05, lambda _: presliding(seconds=loop_seconds))
+    linear = timed("linearisation", "linearisation (3), (4)", 0.05, 0.08, lambda _: linearised())
     found = timed(
-        "identified",
+        "fig4",
         "responses of the twins (Fig. 4)",
-        identify,
-        levels=levels,
-        averages=averages,
-        seed=seed,
+        0.08,
+        0.3,
+        lambda tell: identify(levels=levels, averages=averages, seed=seed, progress=tell),
     )
-    valid = timed("validations", "break-away and sines (Fig. 5, 6)", lambda **o: validate(found, **o))
-    small = {"levels": (0.05, 0.1, 0.26), "seeds": 2, "averages": 6}
+    valid = timed(
+        "fig5_fig6",
+        "break-away and sines (Fig. 5, 6)",
+        0.3,
+        0.4,
+        lambda tell: validate(found, progress=tell),
+    )
     sweep = timed(
-        "sweep",
+        "table3",
         "stiffness against level (Table III)",
-        level_sweep,
-        seed=seed,
-        **(small if quick else {}),
+        0.4,
+        1.0,
+        lambda tell: level_sweep(seed=seed, progress=tell, **fewer),
     )
-    return Paper(slow, linear, sweep, found, valid, seconds)
+    return Paper(slow, linear, sweep, found, valid, seconds, None)
