@@ -11,7 +11,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from frictionjax.core import InputError, Progress, require_x64, silent
-from frictionjax.studies.estimator_draws import bounds, draw, in_parts, jointly, reported, respond, slowly
+from frictionjax.studies.estimator_draws import (
+    bounds,
+    draw,
+    in_parts,
+    jointly,
+    part_width,
+    reported,
+    respond,
+    slowly,
+)
+from frictionjax.studies.estimator_words import Findings, sentences
 from frictionjax.studies.level_sweep import table_one
 from frictionjax.studies.lugre_fit import theta_of
 
@@ -112,7 +122,20 @@ class EstimatorComparison(eqx.Module):
     @property
     def sentences(self) -> tuple[str, str, str]:
         """Which to use when: three sentences made of the numbers."""
-        return ("", "", "")
+        deflection = float(self.truth[5] / self.truth[1])
+        draws = self.converged.shape[1] * self.converged.shape[2]
+        return sentences(
+            Findings(
+                noise=self.noise / deflection,
+                bias=self.bias / self.truth,
+                std=self.std / self.truth,
+                bound=self.bound / self.truth,
+                coverage=self.coverage,
+                converged=np.mean(self.converged, axis=2),
+                milliseconds=np.array([1e3 * self.seconds[name] / draws for name in self.estimators]),
+                excitation=self.excitation,
+            )
+        )
 
     @property
     def _errors(self) -> np.ndarray:
@@ -181,12 +204,12 @@ def compare_estimators(
         )
 
     data, _ = stage("draws", lambda lanes: draw(theta, force, *lanes), (keys, sigma), 0.0, 0.05)
-    few = jax.tree.map(lambda leaf: leaf[: min(draws, WIDTH)], data)
     (sk, ml), response_seconds = stage("response", respond, data, 0.05, 0.15)
     (slow, found), slow_seconds = stage("breakaway", lambda lanes: slowly(theta, lanes), data, 0.15, 0.5)
     (both, _), both_seconds = stage(
         "joint", lambda lanes: jointly(theta, lanes), data | {"found": found}, 0.5, 0.97
     )
+    few = jax.tree.map(lambda leaf: leaf[: part_width(len(sigma), WIDTH)], data)
     unit_bound = np.sqrt(bounds(theta, few))[np.array([0, 0, 1, 2])]
     unit_bound[:2, 3:] = np.nan
     progress("bound", 1.0)

@@ -142,6 +142,11 @@ def bounds(theta, lanes) -> Float[np.ndarray, "3 7"]:
     return np.asarray(jnp.mean(jax.vmap(one)(slow, fast), axis=0))
 
 
+def part_width(count: int, width: int) -> int:
+    """Width of equal parts of `count` lanes, at most `width`: equal, so that one compiled program serves them all."""
+    return -(-count // -(-count // width))
+
+
 def in_parts(
     function: Callable[[Any], Any],
     lanes: Any,
@@ -155,9 +160,9 @@ def in_parts(
     without compilation.
     """
     count = jax.tree.leaves(lanes)[0].shape[0]
+    width = part_width(count, width)
     parts = -(-count // width)
-    width = -(-count // parts)
-    # The last part is filled up with lanes that are dropped: one compiled program serves all.
+    # The last part is filled up with lanes that are dropped.
     places = [np.minimum(np.arange(i * width, (i + 1) * width), count - 1) for i in range(parts)]
 
     def part(place):
