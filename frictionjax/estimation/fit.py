@@ -348,13 +348,17 @@ def fit(
     # One template for all starts: the vector carries the start, and nothing is compiled twice.
     problem, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    ends = []
-    # Every start goes all the way: a model with something missing has several minima, and which one is the best is not
-    # to be seen after a few steps.
+    # A model with something missing has several minima, and which is the best is not to be seen after a few steps: every
+    # start goes down with the fast observer, and the two that come lowest go on with the slow one.
+    reached = []
     for index, start in enumerate(starts):
-        progress(f"base fit: start {index + 1} of {len(starts)}", 0.95 * index / len(starts))
+        progress(f"base fit: start {index + 1} of {len(starts)}", 0.7 * index / len(starts))
         _, vector = make_problem(start, batch, scales=scales, known_inertia=known_inertia)
         vector, value, _ = descend(problem, vector, rounds=4)
+        reached.append((value, index, vector))
+    progress("base fit: slow observer", 0.7)
+    ends = []
+    for value, index, vector in sorted(reached, key=lambda end: end[:2])[:2]:
         if np.isfinite(value):
             vector, value, converged = descend(slow, vector, graduate=False, rounds=8)
             ends.append((value, index, vector, converged))
