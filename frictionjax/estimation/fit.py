@@ -348,8 +348,8 @@ def fit(
     # One template for all starts: the vector carries the start, and nothing is compiled twice.
     problem, _ = make_problem(starts[0], batch, scales=scales, known_inertia=known_inertia)
     slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    # A model with something missing has several minima, and which is the best is not to be seen after a few steps: every
-    # start goes down with the fast observer, and the two that come lowest go on with the slow one.
+    # A model with something missing has several minima, and which is the best is not to be seen after a few steps:
+    # every start goes down with the fast observer, and the two that come lowest go on with the slow one.
     reached = []
     for index, start in enumerate(starts):
         progress(f"base fit: start {index + 1} of {len(starts)}", 0.7 * index / len(starts))
