@@ -2,9 +2,12 @@
 
 import json
 import math
+import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +19,7 @@ from frictionjax.cli import main
 from frictionjax.core import Estimate, InputError
 from frictionjax.report.canvas import drawing
 from frictionjax.report.paper import paper_lines, tables, write_paper
+from frictionjax.report.paper.bench import fig_bench
 from frictionjax.report.paper.estimators import fig_estimators
 from frictionjax.report.paper.sheet import save
 from frictionjax.report.paper.tables import plain
@@ -289,3 +293,34 @@ def test_a_file_that_is_no_recording_is_one_line(tmp_path):
         (tmp_path / name).write_bytes(b"not a mat file")
     with pytest.raises(InputError, match=r"MultisineType"):
         motor_bench(tmp_path)
+
+
+def test_the_real_motor_bench_is_far_from_linear():
+    folder = Path(__file__).parents[2] / "shared" / "real" / "motor_bench"
+    if not folder.is_dir():
+        pytest.skip("the shared recordings are not here")
+    found = motor_bench(folder)
+    # Published: odd distortion about 12 times the noise, even about 6 times; about 50 and 70 Hz.
+    assert found.odd == pytest.approx(12.0, rel=0.15)
+    assert 5.0 < found.even < 9.0
+    assert float(found.bla.odd.p_value) < 1e-6
+    assert 48.0 < found.antiresonance < 57.0
+    assert 69.0 < found.resonance < 79.0
+    with drawing():
+        figure = fig_bench(found)
+    assert [axes.get_xlabel() for axes in figure.axes] == ["frequency (Hz)"] * 2
+
+
+def test_help_for_the_study_does_not_wait_for_jax():
+    code = """
+import sys
+from frictionjax.cli import main
+try:
+    main(["paper", "--help"])
+except SystemExit as stop:
+    assert not stop.code
+assert not {"jax", "numpy", "matplotlib"} & set(sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "--real DIR" in done.stdout

@@ -66,8 +66,8 @@ def fig6(found: Sequence[Validation]) -> Figure:
             words = f"×{one.ratio(name):.2f} ({one.ratio(name, 'extrapolated'):.2f})"
             panel.text(0.98, 0.97, words, transform=panel.transAxes, fontsize=7.5, ha="right", va="top")
         column[0].set_title(one.twin.name, loc="left", fontsize=8.5)
-    axes[0, 0].set_ylabel("displacement (mrad), 20 Hz")
-    axes[1, 0].set_ylabel("displacement (mrad), 0.5 Hz")
+    axes[0, 0].set_ylabel("x at 20 Hz (mrad)")
+    axes[1, 0].set_ylabel("x at 0.5 Hz (mrad)")
     for panel in axes[:, 0]:
         low, high = panel.get_ylim()
         panel.set_ylim(low, high + 0.25 * (high - low))
