@@ -263,7 +263,8 @@ def test_compiled_programs_are_kept_in_the_users_cache(tmp_path, monkeypatch):
 
     from frictionjax import cli
 
-    jax.config.update("jax_compilation_cache_dir", None)  # an earlier test may have run the program in this process
+    # An earlier test may have run the program in this process.
+    jax.config.update("jax_compilation_cache_dir", None)
     told = {}
     monkeypatch.setattr(jax.config, "update", told.__setitem__)
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
@@ -277,7 +278,8 @@ def test_a_cache_folder_that_cannot_be_made_is_done_without(tmp_path, monkeypatc
 
     from frictionjax import cli
 
-    jax.config.update("jax_compilation_cache_dir", None)  # an earlier test may have run the program in this process
+    # An earlier test may have run the program in this process.
+    jax.config.update("jax_compilation_cache_dir", None)
     told = {}
     monkeypatch.setattr(jax.config, "update", told.__setitem__)
     (tmp_path / "file").write_text("")
