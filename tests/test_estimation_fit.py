@@ -177,6 +177,13 @@ def test_no_recording_is_an_error():
         fit(PLANT, ())
 
 
+def test_starts_without_finite_predictions_are_refused():
+    """A motor constant of 1e300 makes every trajectory overflow."""
+    hopeless = eqx.tree_at(lambda drive: drive.motor_constant, PLANT, 1e300 * PLANT.motor_constant)
+    with pytest.raises(ValueError, match="No starting value gives finite predictions"):
+        fit(hopeless, experiment(), encoder_step=FINE)
+
+
 def test_float32_is_refused():
     recordings = experiment()
     with jax.enable_x64(False), pytest.raises(PrecisionError, match="jax_enable_x64"):

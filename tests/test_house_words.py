@@ -81,7 +81,7 @@ def test_the_files_are_found():
         ("read |home|ann|run.csv", 1),
         ("read '|root|run.csv'", 1),
         ("C:\\~Users\\ann", 1),
-        ("https://example.org/home/page and ./work/run.csv", 0),
+        ("https://example.org/home/page and ./jobs/run.csv", 0),
         ("x = 1  # FIX~ME", 1),
         ("the fixme of XXXL", 0),
     ],

@@ -152,7 +152,12 @@ def test_unexplained_physics_is_said():
     assert "43 %" in body
     assert "one spot of the stroke" in body
     page = Page(render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained)))
-    assert "without a physical form" in page.visible
+    assert "The extended model holds what could be named, and nothing else" in page.visible
+    assert "more is missing than the effect named" in page.visible
+    nothing = Page(
+        render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained, missing=()))
+    )
+    assert "something is missing that no listed effect explains" in nothing.visible
 
 
 def test_candidates_are_sorted_and_say_why():

@@ -335,8 +335,8 @@ def fit(
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `ValueError` when there is no recording, one is too short, or a
-    positive parameter starts at zero or below.
+    `PrecisionError` unless JAX computes in float64; `ValueError` when there is no recording, one is too short, a
+    positive parameter starts at zero or below, or no start gives finite predictions.
     """
     require_x64()
     if not recordings:

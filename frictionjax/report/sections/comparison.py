@@ -15,10 +15,7 @@ _INTRO = (
     "Solid: predicted 0.1 s ahead from what was measured until then. Dashed: free run from the first sample and the "
     "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where "
 )
-_NONPARAMETRIC = (
-    "Here the extended model holds a force that was fitted to the data without a physical form: it shows what is "
-    "missing, it does not say why"
-)
+_IN_PART = "The extended model holds what could be named, and nothing else: what its error still shows is not modelled"
 
 
 class Comparison(AbstractSection):
@@ -36,7 +33,7 @@ class Comparison(AbstractSection):
         pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
         closer = "the extension mends most" if extended else "the model fits worst"
         if extended and diagnosis.verdict == "unknown":
-            closer += ". " + _NONPARAMETRIC
+            closer += ". " + _IN_PART
         key = legend(extended, ("measured", "measured"))
         return f"{table(head, rows)}<p>{_INTRO}{closer}.</p>{key}{pictures}"
 

@@ -16,6 +16,7 @@ _BADGES = {
     "named": "Named: what is missing is known and modelled",
     "unknown": "Unknown: something is missing that no listed effect explains",
 }
+_IN_PART = "Unknown: more is missing than the effect named, and no listed effect explains it"
 
 
 class Headline(AbstractSection):
@@ -36,9 +37,11 @@ class Headline(AbstractSection):
         cards = "".join(_card(recording, diagnosis, extended) for recording in held_out)
         if not cards:
             cards = '<p class="note">No recording was kept aside, so nothing here was verified on unseen data.</p>'
+        in_part = diagnosis.verdict == "unknown" and diagnosis.missing
+        badge = _IN_PART if in_part else _BADGES[diagnosis.verdict]
         return (
             f'<h1>{text(first)}</h1>{lead}<p class="byline"><span class="badge {diagnosis.verdict}">'
-            f"{text(_BADGES[diagnosis.verdict])}</span> {text(' · '.join(facts))}</p>"
+            f"{text(badge)}</span> {text(' · '.join(facts))}</p>"
             f'<div class="cards">{cards}</div>'
         )
 
