@@ -47,5 +47,5 @@ class LuGre(eqx.Module):
 
     def level(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
         """Steady-state friction level G(v) without viscous part, force; even in the velocity `v` (position/s)."""
-        ratio = v / self.vs
+        ratio = v * (1.0 / self.vs)
         return self.Fc + (self.Fs - self.Fc) * jnp.exp(-ratio * ratio)

@@ -48,53 +48,59 @@ def ros2_step(
     mobility = 1.0 / drive.J
     share, slack = bristles.share[1:], bristles.slack[1:] / friction.sigma0
     alone = bristles.share.shape[-1] == 1
+    first = bristles.share[0]
 
     def total(values):
         return 0.0 if alone else jnp.sum(share * values)
 
-    def lugre(w, spring, level):
-        return w - jnp.abs(w) * (spring / level)
-
-    def opposing(x, v, spring, rate, bent, damped):
+    def opposing(spring, rate, bent, damped, beside):
         """Equation (1): `spring` force and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the others."""
-        first = bristles.share[0]
         force = first * spring + friction.sigma0 * bent + friction.sigma1 * (first * rate + damped)
-        return force + drive.parallel_force(x, v)
+        return force + beside
 
     x, v, z = state.x, state.v, state.z[0]
-    level = drive.level(x, v)
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
-    # States of effects are slow against the bristle: they stay outside A. The bristles see the velocity w.
-    hidden_rate, w = drive.hidden_rates(state.hidden, v, spring)
-    rate = lugre(w, spring, level)
+
+    # What depends on the velocity, and its derivatives: one evaluation gives f and what A needs of it. States of
+    # effects are slow against the bristle: they stay outside A. The bristles see the velocity w.
+    def moving(speed):
+        hidden_rate, w = drive.hidden_rates(state.hidden, speed, spring)
+        return (w, drive.level(x, speed), drive.parallel_force(x, speed)), hidden_rate
+
+    (w, level, beside), (w_v, level_v, beside_v), hidden_rate = jax.jvp(
+        moving, (v,), (jnp.ones_like(v),), has_aux=True
+    )
+    softness = 1.0 / level
+    bend = spring * softness
+    rate = w - jnp.abs(w) * bend
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
     moved = total(bristles.cut(plays + h * w, limit) - plays) / h
-    friction_now = opposing(x, v, spring, rate, total(plays), moved)
+    friction_now = opposing(spring, rate, total(plays), moved, beside)
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
-    # keeps the step L-stable.
+    # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
     ahead = v + h * (force - friction_now) * mobility
-    fast = jnp.where((ahead * v < 0.0) & (jnp.abs(ahead) > jnp.abs(v)), ahead, v)
-
-    # Columns of A: v moves everything (by forward differentiation), LuGre's z moves its own rate only.
-    def along(speed):
-        own = lugre(drive.hidden_rates(state.hidden, speed, spring)[1], spring, drive.level(x, speed))
-        return opposing(x, speed, spring, own, 0.0, 0.0), own
-
-    _, (friction_v, rate_v) = jax.jvp(along, (fast,), (jnp.ones_like(v),))
-    rate_z = -jnp.abs(fast) * (slope / drive.level(x, fast))
+    turns = (ahead + v) * v < 0.0
+    fast = jnp.where(turns, w + w_v * (ahead - v), w)
+    slip = jnp.abs(fast) * softness
+    rate_z = -slip * slope
+    # Columns of A: v moves everything, LuGre's z moves its own rate only.
+    rate_v = w_v * (1.0 - jnp.sign(fast) * bend) + slip * bend * jnp.where(turns, 0.0, level_v)
     stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
     if not exact_derivative:
-        friction_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
-            (friction_v, rate_v, rate_z, stuck, slope)
+        beside_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
+            (beside_v, rate_v, rate_z, stuck, slope)
         )
-    friction_v = friction_v + friction.sigma1 * stuck
+    friction_v = beside_v + friction.sigma1 * (first * rate_v + stuck)
     stiffness = friction.sigma0 * mobility
-    pivot_z = 1.0 / (1.0 - gh * rate_z)
-    arm = -gh * bristles.share[0] * mobility * (slope + friction.sigma1 * rate_z) * pivot_z
-    pivot_v = 1.0 / (1.0 + gh * (friction_v * mobility - arm * rate_v + gh * stiffness * stuck))
+    below_z = 1.0 - gh * rate_z
+    coupling = -gh * first * mobility * (slope + friction.sigma1 * rate_z)
+    below_v = 1.0 + gh * (friction_v * mobility + gh * stiffness * stuck)
+    pivot_z = 1.0 / below_z
+    pivot_v = below_z / (below_z * below_v - gh * coupling * rate_v)
+    arm = coupling * pivot_z
 
     def solve(right_v, right_z, right_plays):
         """Slopes of v, of LuGre's bristle, and of the sum over the other elements."""
@@ -107,12 +113,13 @@ def ros2_step(
     level_1 = drive.level(x1, v1)
     spring_1 = drive.spring_force(z1)
     hidden_rate_1, w1 = drive.hidden_rates(state.hidden + h * hidden_rate, v1, spring_1)
-    rate_1 = lugre(w1, spring_1, level_1)
+    rate_1 = w1 - jnp.abs(w1) * (spring_1 / level_1)
     limit_1 = level_1 * slack
     middle = plays + h * (0.5 * (w + w1))
     # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
     moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
-    friction_1 = opposing(x1, v1, spring_1, rate_1, total(bristles.cut(middle, limit_1)), moved_1)
+    bent_1 = total(bristles.cut(middle, limit_1))
+    friction_1 = opposing(spring_1, rate_1, bent_1, moved_1, drive.parallel_force(x1, v1))
     k2_v, k2_z, _ = solve(
         (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z, moved_1 - 2.0 * k1_plays
     )
@@ -122,7 +129,7 @@ def ros2_step(
     # A step across a reversal at a bristle rate far above 1/h can throw LuGre's bristle further than it can bend. What
     # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
     bound = jax.lax.stop_gradient(_BENT * friction.Fs / friction.sigma0)
-    excess = z2 - jax.lax.clamp(-bound, z2, bound)
+    excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
     v2 = v2 + friction.sigma1 * bristles.share[0] * excess * mobility
     z2 = (z2 - excess)[None]
     if not alone:
