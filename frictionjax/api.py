@@ -5,6 +5,7 @@ from frictionjax.core import Estimate as Estimate
 from frictionjax.core import FrictionjaxWarning as FrictionjaxWarning
 from frictionjax.core import InputError as InputError
 from frictionjax.core import PrecisionError as PrecisionError
+from frictionjax.core import configure_jax as configure_jax
 from frictionjax.diagnosis import Diagnosis as Diagnosis
 from frictionjax.diagnosis import diagnose as diagnose
 from frictionjax.diagnosis.output import register_writer
@@ -32,6 +33,7 @@ from frictionjax.recordings import load_case as load_case
 from frictionjax.report import write_report
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
+from frictionjax.simulation import simulate_batch as simulate_batch
 from frictionjax.studies import Design as Design
 from frictionjax.studies import Study as Study
 from frictionjax.studies import compare_estimators as compare_estimators
@@ -62,6 +64,7 @@ __all__ = [
     "case_from_files",
     "catalogue",
     "compare_estimators",
+    "configure_jax",
     "diagnose",
     "estimate_frf",
     "excitation",
@@ -74,6 +77,7 @@ __all__ = [
     "resonances",
     "run_study",
     "simulate",
+    "simulate_batch",
 ]
 
 register_writer(write_report)

@@ -126,10 +126,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
-    # float64 is the program's choice to make, and it must be made before JAX computes anything.
-    import jax
+    # These are the program's choices to make, and they must be made before JAX computes anything.
+    from frictionjax.core import configure_jax
 
-    jax.config.update("jax_enable_x64", True)
+    configure_jax()
     _keep_what_is_compiled()
 
     from frictionjax.core import FrictionjaxWarning, InputError

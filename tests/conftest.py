@@ -11,7 +11,10 @@ os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "false"
 import jax
 import pytest
 
-jax.config.update("jax_enable_x64", True)
+import frictionjax
+
+# As the program runs: XLA reads its flags when JAX first computes.
+frictionjax.configure_jax()
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 

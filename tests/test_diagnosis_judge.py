@@ -69,7 +69,9 @@ def _quiet(name, role, samples):
 def quiet_scene():
     """One recording to fit, a shorter one kept aside, of which nothing but the shape is used."""
     recordings = (_quiet("kept", "holdout", 3000), _quiet("fit", "fit", 4000))
-    return make_scene(make_batch(recordings, encoder_step=FINE), np.array([True, False]))
+    return make_scene(
+        make_batch(recordings, encoder_step=FINE), np.array([True, False]), tuple(r.name for r in recordings)
+    )
 
 
 def test_energy_is_explained_above_the_floor_and_without_the_wildest_blocks(quiet_scene):
@@ -93,7 +95,7 @@ def test_without_excess_no_energy_is_explained(quiet_scene):
 def test_no_observer_is_faster_than_a_tenth_of_the_sampling(quiet_scene):
     assert quiet_scene.bandwidth == 50.0
     slow = Recording("slow", 200.0, np.zeros(400), 1e-6 * np.random.default_rng(0).standard_normal(400))
-    scene = make_scene(make_batch((slow,), encoder_step=FINE), np.array([False]))
+    scene = make_scene(make_batch((slow,), encoder_step=FINE), np.array([False]), (slow.name,))
     assert scene.bandwidth == 20.0
 
 
@@ -103,7 +105,9 @@ def small():
     case = small_case()
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=FINE)
-    return recordings, make_scene(batch, np.array([r.role == "holdout" for r in recordings]))
+    return recordings, make_scene(
+        batch, np.array([r.role == "holdout" for r in recordings]), tuple(r.name for r in recordings)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +129,7 @@ def test_the_truth_is_judged_as_noise(judged):
 def test_a_wrong_model_misfits_where_it_is_wrong(judged, small):
     true, wrong = judged
     assert wrong.misfit_holdout > 0.1
-    by_name = dict(zip(small[1].batch.names, wrong.loss - true.loss, strict=True))
+    by_name = dict(zip(small[1].names, wrong.loss - true.loss, strict=True))
     # Coulomb friction shows in sliding: hardly in the stick recording, plainly in the moves.
     assert np.sum(by_name["moves"]) > 20.0 * abs(np.sum(by_name["stick"]))
     rows = np.ones(len(small[0]), bool)

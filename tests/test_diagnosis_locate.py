@@ -37,7 +37,9 @@ def world():
         Recording(name, RATE, push, x + 1e-6 * wiggle)
         for name, push, (x, _), wiggle in zip(("one", "two"), u, swings, noise, strict=True)
     )
-    scene = make_scene(make_batch(recordings, encoder_step=FINE), np.array([False, True]))
+    scene = make_scene(
+        make_batch(recordings, encoder_step=FINE), np.array([False, True]), tuple(r.name for r in recordings)
+    )
     motion = Motion(
         np.stack([x for x, _ in swings]),
         np.stack([v for _, v in swings]),

@@ -187,9 +187,8 @@ def test_a_known_starting_deflection_is_recovered(deflection):
         assert power[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
 
 
-def test_layouts_are_hashable(problem):
-    """They are static: equal layouts must not compile twice."""
+def test_layouts_of_other_numbers_have_one_structure(problem):
+    """Scales and bounds are numbers of the case: layouts that differ in them alone must not compile twice."""
     layout = problem[0].layout
-    again = tuple(dataclasses.replace(free) for free in layout)
-    assert hash(layout) == hash(again)
-    assert layout == again
+    again = tuple(dataclasses.replace(free, scale=2.0, upper=7.0) for free in layout)
+    assert jax.tree.structure(layout) == jax.tree.structure(again)

@@ -25,6 +25,7 @@ EXPECTED = sorted(
         *("BLA", "Resonances", "ZeroAmplitude"),
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
         *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
+        *("configure_jax", "simulate_batch"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }
 )

@@ -17,18 +17,19 @@ class Scene(eqx.Module):
     """All recordings of a case, as the judgement sees them.
 
     **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the
-    observer (Hz).
+    observer (Hz), `names` of the recordings.
     """
 
     batch: Batch
     held_out: np.ndarray
     bandwidth: float = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
 
 
-def make_scene(batch: Batch, held_out: np.ndarray) -> Scene:
-    """The scene of `batch`, whose recordings are held out where `held_out` (bool, shape `(r,)`) says so."""
+def make_scene(batch: Batch, held_out: np.ndarray, names: tuple[str, ...]) -> Scene:
+    """The scene of `batch`: its recordings have `names`; `held_out` (bool, shape `(r,)`) tells which are held out."""
     dt = float(np.max(np.asarray(batch.dt)))
-    return Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt))
+    return Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), names)
 
 
 class Judgement(eqx.Module):

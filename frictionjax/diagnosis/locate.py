@@ -85,7 +85,7 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> dict[st
     effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
     effort[0], effort[-1] = 0.0, np.inf
     time: dict[str, np.ndarray] = {}
-    for row, name in enumerate(scene.batch.names):
+    for row, name in enumerate(scene.names):
         thirds = np.linspace(0, scene.batch.lengths[row], 4).astype(int)
         for first, last in itertools.pairwise(thirds):
             mask = np.zeros(valid.shape, bool)

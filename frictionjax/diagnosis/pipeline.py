@@ -102,7 +102,9 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     clock.stage("base fit")
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
-    scene = make_scene(batch, np.array([r.role == "holdout" for r in recordings]))
+    scene = make_scene(
+        batch, np.array([r.role == "holdout" for r in recordings]), tuple(r.name for r in recordings)
+    )
     steps = select(
         base.problem,
         base.vector,

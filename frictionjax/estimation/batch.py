@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from frictionjax.recordings import Recording
 
@@ -18,7 +18,7 @@ class Batch(eqx.Module):
 
     **Attributes:** `u`, `x` (input and position units), `valid` (1 where scored, else 0), shape `(r, n)`;
     `dt` (s), `noise` (standard deviation of the position noise), `x0`, `v0`, shape `(r,)`; `block` (samples per
-    block); `names`; `lengths` (samples of each recording).
+    block); `lengths` (samples of each recording).
     """
 
     u: Float[Array, "r n"]
@@ -29,8 +29,7 @@ class Batch(eqx.Module):
     x0: Float[Array, " r"]
     v0: Float[Array, " r"]
     block: int = eqx.field(static=True)
-    names: tuple[str, ...] = eqx.field(static=True)
-    lengths: tuple[int, ...] = eqx.field(static=True)
+    lengths: Int[np.ndarray, " r"]
 
     def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
         """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
@@ -119,6 +118,5 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         x0=jnp.asarray(x0),
         v0=jnp.asarray(v0),
         block=block,
-        names=tuple(r.name for r in recordings),
-        lengths=tuple(r.x.size for r in recordings),
+        lengths=np.array([r.x.size for r in recordings]),
     )

@@ -34,11 +34,7 @@ def fit_deflections(
         return standardised(drive, z0, batch, gains)
 
     def step(z0, _):
-        # A batch of one tangent: errors and column then differ in shape, and XLA keeps their loops apart; merged, each
-        # would be copied whole at every sample (benchmarks/README.md).
-        e, (column,) = jax.vmap(lambda tangent: jax.jvp(errors, (z0,), (tangent,)), out_axes=(None, 0))(
-            jnp.ones((1, *z0.shape))
-        )
+        e, column = jax.jvp(errors, (z0,), (jnp.ones_like(z0),))
         weight = weights(block_power(e, batch), jnp.ones(()), batch)
         # The prior of half a break-away deflection keeps a recording without stick at rest.
         slope = jnp.sum(weight * column * e, axis=1) + 4.0 * z0

@@ -47,7 +47,7 @@ class Problem(eqx.Module):
     **Attributes:** `layout` (free parameters), `setting` (everything else).
     """
 
-    layout: tuple[Free, ...] = eqx.field(static=True)
+    layout: tuple[Free, ...]
     setting: Setting
 
     def at_bandwidth(self, bandwidth: float) -> "Problem":

@@ -4,7 +4,6 @@ Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), sigma0 as log(
 the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
 # Fs is between these parts above Fc: at Fs = Fc its logarithm, and the sensitivity to vs, would be lost for good;
@@ -32,13 +32,15 @@ _WIDEST = 1e4
 
 
 class Free(eqx.Module):
-    """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `scale`, and its `label`
-    (the parameter's own name, with that of its effect before it where another parameter has the same)."""
+    """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `label` (the parameter's
+    own name, with that of its effect before it where another parameter has the same), its `scale`, and the `upper`
+    bound of its value. The last two are numbers of the case, and arrays: a new case compiles nothing anew."""
 
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
-    scale: float = eqx.field(static=True)
     label: str = eqx.field(static=True)
+    scale: Float[Array, ""] = eqx.field(converter=real, default=1.0)
+    upper: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
 
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
@@ -46,11 +48,11 @@ class Free(eqx.Module):
             return math.log(_LEAST_EXCESS) + 0.0 * start, math.log(_MOST_EXCESS) + 0.0 * start
         if self.path == "friction.sigma1":
             return math.log(_LEAST_RATIO) + 0.0 * start, math.log(_MOST_RATIO) + 0.0 * start
-        lower, upper = self.parameter.lower, self.parameter.upper
+        lower, upper = self.parameter.lower, self.upper
         if self.parameter.transform == "log":
             reach = math.log(_REACH.get(self.label, _WIDEST))
             low = jnp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
-            return low, jnp.minimum(start + reach, math.log(upper) if upper < math.inf else jnp.inf)
+            return low, jnp.minimum(start + reach, jnp.log(upper))
         return lower / self.scale + 0.0 * start, upper / self.scale + 0.0 * start
 
 
@@ -59,12 +61,11 @@ _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 def base_layout(drive: Drive, dt: float, *, known_inertia: bool = False) -> tuple[Free, ...]:
     """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s."""
-    inertia = () if known_inertia else (Free("J", _INERTIA, 1.0, "J"),)
+    inertia = () if known_inertia else (Free("J", _INERTIA, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
-        if parameter.name == "sigma0":
-            parameter = dataclasses.replace(parameter, upper=(_FASTEST / dt) ** 2)
-        friction.append(Free(f"friction.{parameter.name}", parameter, 1.0, parameter.name))
+        upper = (_FASTEST / dt) ** 2 if parameter.name == "sigma0" else parameter.upper
+        friction.append(Free(f"friction.{parameter.name}", parameter, parameter.name, upper=upper))
     return inertia + tuple(friction)
 
 
@@ -83,7 +84,7 @@ def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> 
                 scale = (
                     parameter.scale if isinstance(parameter.scale, float) else scales[str(parameter.scale)]
                 )
-            layout.append(Free(f"effects.{index}.{parameter.name}", parameter, float(scale), label))
+            layout.append(Free(f"effects.{index}.{parameter.name}", parameter, label, scale, parameter.upper))
     return tuple(layout)
 
 

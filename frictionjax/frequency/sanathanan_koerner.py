@@ -11,6 +11,7 @@ from frictionjax.core import Estimate, InputError, require_x64
 from frictionjax.frequency.frf import FRF
 from frictionjax.frequency.second_order import Lines, iterate, sampled_response
 
+_fitted = eqx.filter_jit(sampled_response)
 FREEDOM = 50.0  # degrees of freedom that each bin's variance should rest on
 
 
@@ -141,7 +142,7 @@ def fit_sk(
     return SKResult(
         **estimates,
         frequency=frequency,
-        response=unit_H * np.asarray(sampled_response(state.a, lines, hold))[: frequency.size],
+        response=unit_H * np.asarray(_fitted(state.a, lines, hold))[: frequency.size],
         residual_norm=np.asarray(state.history)[: steps + 1],
         misfit=excess,
         converged=converged,

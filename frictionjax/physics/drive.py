@@ -16,6 +16,8 @@ from frictionjax.physics.effects.base import (
 )
 from frictionjax.physics.lugre import LuGre
 
+_LEAST_LEVEL = 0.01  # over Coulomb friction
+
 
 class Drive(eqx.Module):
     """A machine that moves: J x'' = motor_constant u - F - effects, equation (5).
@@ -58,7 +60,8 @@ class Drive(eqx.Module):
         level = self.friction.level(v)
         for effect in self.effects:
             if isinstance(effect, AbstractLevelEffect):
-                level = effect.level(level, self.friction, x, v)
+                # Strengths that are admissible one by one may together ask for friction that pushes.
+                level = jnp.maximum(effect.level(level, self.friction, x, v), _LEAST_LEVEL * self.friction.Fc)
         return level
 
     @property

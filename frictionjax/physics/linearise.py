@@ -53,9 +53,13 @@ def linearize(
     `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
+    return _linearize(drive, real(x), real(z))
+
+
+@eqx.filter_jit
+def _linearize(drive, x, z):
     bristles = drive.bristles()
-    deflection = jnp.broadcast_to(real(z), (drive.bristle_count,))
-    x = real(x)
+    deflection = jnp.broadcast_to(z, (drive.bristle_count,))
 
     def one_sided(direction):
         def field(state):

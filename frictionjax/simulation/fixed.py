@@ -75,7 +75,8 @@ def simulate(
     - `u`: input, shape `(n,)`, input units.
     - `sample_rate`: samples per second.
     - `x0`, `v0`, `z0`: position, velocity and bristle deflection at the first sample.
-    - `substeps`: steps per sample; 2 keep the bias of sigma2 below a percent at 2 kHz, 1 does not. `"auto"`: doubled
+    - `substeps`: steps per sample; at 2 kHz 1 biases sigma2 and vs of a fit by some 10 %, 2 by 1 to 3 %,
+        4 by less than 1 % (`python -m benchmarks accuracy`). `"auto"`: doubled
         until the largest error of the position, estimated from the last doubling, is below `tolerance`.
     - `encoder_step`: quantum of the position sensor, position units; a tenth of it is the default of `tolerance`.
     - `tolerance`: admissible error of the position, position units.

@@ -115,12 +115,9 @@ def observe(
         innovation = measured - state.x
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         following = advance(drive, bristles, state_now, push, dt, substeps)
-        return following, jnp.concatenate([jnp.stack([innovation, state.x, state.v]), state.z, state.hidden])
+        return following, (innovation, state.x, state.v, state.z, state.hidden)
 
-    # One array for all: several arrays would each be copied whole at every sample (benchmarks/README.md).
-    seen = jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1]
-    last = 3 + drive.bristle_count
-    return Observed(seen[:, 0], seen[:, 1], seen[:, 2], seen[:, 3:last], seen[:, last:])
+    return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1])
 
 
 def innovations(

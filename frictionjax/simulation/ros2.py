@@ -4,7 +4,8 @@
 
 (Verwer, Spee, Blom, Hundsdorfer 1999). The order does not rest on A, so A holds only what is stiff: the bristles,
 their damping and the viscous force. A is an arrow (each bristle meets the others only through v) and is solved by
-elimination, whatever the number of bristles. |v| is never smoothed: at rest that would let the bristles creep.
+elimination, whatever the number of bristles. |v| is never smoothed: at rest that would let the bristles creep. Forces
+that depend on the position (springs, ripple) are outside A: they must be slow against the step, k h^2/J below 4.
 """
 
 import equinox as eqx
@@ -84,6 +85,9 @@ def ros2_step(
     ahead = v + h * (force - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
     fast = jnp.where(turns, w + w_v * (ahead - v), w)
+    # A viscous force that is stronger on the other side must be met with that strength, or the step would run away.
+    _, beyond_v = jax.jvp(lambda speed: drive.parallel_force(x, speed), (ahead,), (jnp.ones_like(v),))
+    beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
     slip = jnp.abs(fast) * softness
     rate_z = -slip * slope
     # Columns of A: v moves everything, LuGre's z moves its own rate only.

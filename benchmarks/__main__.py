@@ -1,0 +1,100 @@
+"""`python -m benchmarks`: run every benchmark, print the table, keep the numbers, rewrite the table in README.md here.
+
+    python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
+
+NAME: one or more of `accuracy`, `compile_time`, `simulation`, `parallel_in_time`, `simulation_gpu`; all of them if
+none is given.
+"""
+
+import argparse
+import datetime
+import importlib
+import json
+import math
+import platform
+import re
+import sys
+import time
+from pathlib import Path
+
+import frictionjax
+
+NAMES = ("accuracy", "compile_time", "simulation", "parallel_in_time", "simulation_gpu")
+HERE = Path(__file__).parent
+BEGIN, END = "<!-- table: python -m benchmarks -->", "<!-- end of table -->"
+
+
+def line(entry: dict) -> str:
+    """One row of the table as Markdown."""
+    value = "-" if math.isnan(entry["value"]) else f"{entry['value']:.3g}"
+    met = {None: "", True: "yes", False: "**no**"}[entry["met"]]
+    return f"| {entry['what']} | {value} | {entry['unit']} | {entry['goal']} | {met} |"
+
+
+def table(results: list[dict]) -> str:
+    """The table of several benchmarks as Markdown."""
+    lines = []
+    for result in results:
+        about = result["machine"]
+        lines += [
+            f"### {result['name']}",
+            "",
+            f"{about['processor']}, {about['cores']} cores, {about['memory_GiB']} GiB; JAX {about['jax']}, Python "
+            f"{about['python']}; {result['date']}, {result['seconds']:.0f} s; load before it {about['load_before']}.",
+            "",
+            "| what | measured | unit | goal | met |",
+            "|---|---|---|---|---|",
+            *(line(entry) for entry in result["rows"]),
+            "",
+        ]
+        lines += [f"{note}\n" for note in result["notes"]]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", choices=[*NAMES, []], metavar="NAME", help=", ".join(NAMES))
+    parser.add_argument(
+        "--small", action="store_true", help="small sizes, to see that it runs; keeps nothing"
+    )
+    parser.add_argument("--keep", type=Path, default=HERE / "results", metavar="FOLDER", help="for the JSON")
+    arguments = parser.parse_args()
+    frictionjax.configure_jax()
+    from benchmarks.timing import machine
+
+    about = machine()
+    results = []
+    for name in arguments.names or NAMES:
+        sys.stderr.write(f"{name} ...\n")
+        start = time.perf_counter()
+        module = importlib.import_module(f"benchmarks.{name}")
+        rows = module.measure(small=arguments.small)
+        result = {
+            "name": name,
+            "date": datetime.date.today().isoformat(),
+            "machine": about | {"name": platform.node()},
+            "seconds": time.perf_counter() - start,
+            "rows": [entry for entry in rows if "note" not in entry],
+            "notes": [entry["note"] for entry in rows if "note" in entry],
+        }
+        results.append(result)
+        sys.stdout.write(table([result]) + "\n")
+        sys.stdout.flush()
+        if not arguments.small:
+            arguments.keep.mkdir(parents=True, exist_ok=True)
+            file = (
+                arguments.keep
+                / f"{name}-{re.sub('[^a-z0-9]+', '-', about['processor'].lower()).strip('-')}.json"
+            )
+            file.write_text(json.dumps(result, indent=1) + "\n")
+    readme = HERE / "README.md"
+    if not arguments.small and not arguments.names and arguments.keep == HERE / "results":
+        text = readme.read_text(encoding="utf-8")
+        before, after = text.split(BEGIN)[0], text.split(END)[1]
+        readme.write_text(f"{before}{BEGIN}\n\n{table(results)}\n{END}{after}", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""The same scheme in C, compiled here with gcc: what this processor can do at best."""
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+# Threads that spin while they wait would take the cores from whoever is measured next.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+LANES = 64
+MISSING = "gcc is not installed"
+
+
+def available() -> bool:
+    """Whether there is a compiler."""
+    return shutil.which("gcc") is not None
+
+
+def build() -> ctypes.CDLL:
+    """The compiled `lugre.c`."""
+    source = Path(__file__).parent / "lugre.c"
+    library = Path(tempfile.mkdtemp()) / "lugre.so"
+    flags = [
+        "-O3",
+        "-march=native",
+        "-mprefer-vector-width=512",
+        "-ffast-math",
+        "-fopenmp",
+        "-shared",
+        "-fPIC",
+    ]
+    done = subprocess.run(
+        ["gcc", *flags, "-o", str(library), str(source), "-lm"], capture_output=True, text=True, check=False
+    )
+    if done.returncode and "prefer-vector-width" in done.stderr:  # not an x86 compiler
+        flags.remove("-mprefer-vector-width=512")
+        done = subprocess.run(
+            ["gcc", *flags, "-o", str(library), str(source), "-lm"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if done.returncode:
+        raise RuntimeError(f"gcc could not compile {source}: {done.stderr.strip()}")
+    return ctypes.CDLL(str(library))
+
+
+def runner(
+    library: ctypes.CDLL,
+    parameters: np.ndarray,
+    force: np.ndarray,
+    dt: float,
+    *,
+    substeps: int,
+    keep_all: bool,
+) -> Callable[[], np.ndarray]:
+    """A function that simulates all drives from rest: `parameters` (b, 7), `force` (n,); b is filled up to a multiple
+    of 64. It returns the last positions, shape (b,), or all, shape (n, b)."""
+    count, samples = parameters.shape[0], force.shape[0]
+    filled = -(-count // LANES) * LANES
+    table = np.ascontiguousarray(parameters[np.minimum(np.arange(filled), count - 1)].T)
+    force = np.ascontiguousarray(force)
+    out = np.zeros((samples, filled) if keep_all else filled)
+    double = ctypes.POINTER(ctypes.c_double)
+
+    def run() -> np.ndarray:
+        library.simulate(
+            *(filled, samples, substeps, table.ctypes.data_as(double), force.ctypes.data_as(double)),
+            *(ctypes.c_double(dt), out.ctypes.data_as(double), int(keep_all)),
+        )
+        return out[..., :count]
+
+    return run

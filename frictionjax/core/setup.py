@@ -1,0 +1,71 @@
+"""`configure_jax`: float64, one device per core, and compiled loops that are one piece of machine code each."""
+
+import os
+import warnings
+
+import jax
+
+from frictionjax.core.errors import FrictionjaxWarning
+
+_LOOPS = {
+    # A loop whose arrays are small is compiled whole; left alone, each of its operations is a call of its own, which
+    # costs a scalar simulation ten times its arithmetic.
+    "xla_cpu_small_while_loop_byte_threshold": "1000000",
+    # Outputs that share their inputs are computed together, not each from the start.
+    "xla_cpu_use_multi_output_fusion": "true",
+    # Without this the two above would copy every stored array whole at each step.
+    "xla_cpu_flatten_after_fusion": "true",
+}
+_WIDTH = "--xla_cpu_prefer_vector_width=512"
+_EXTRA = "--xla_backend_extra_options="
+
+
+def _with_our_flags(flags: str) -> str:
+    """`flags` (the value of XLA_FLAGS) and ours; what the user has set stays."""
+    words = flags.split()
+    if not any(word.startswith("--xla_cpu_prefer_vector_width") for word in words):
+        words.append(_WIDTH)
+    theirs = next((word for word in words if word.startswith(_EXTRA)), _EXTRA)
+    options = [option for option in theirs.removeprefix(_EXTRA).split(",") if option]
+    named = {option.split("=")[0] for option in options}
+    options += [f"{name}={value}" for name, value in _LOOPS.items() if name not in named]
+    return " ".join([word for word in words if not word.startswith(_EXTRA)] + [_EXTRA + ",".join(options)])
+
+
+def configure_jax(*, cpu_devices: int | None = None) -> None:
+    """Set JAX up for simulations, once, before it computes anything: call it right after the imports.
+
+    Switches float64 on; makes every processor core a JAX device, over which batches are spread; and asks XLA, through
+    the environment variable XLA_FLAGS, to compile small loops as one piece. Simulations run 2 to 30 times faster with
+    it, and every number stays what it is up to rounding. What XLA_FLAGS says already stays. The whole process is
+    affected, which is why the library never does this unasked; the program `frictionjax` does.
+
+    **Arguments:**
+
+    - `cpu_devices`: number of CPU devices; None: as many as cores, or as XLA_FLAGS says.
+
+    **Raises:**
+
+    `ValueError` when `cpu_devices` is below 1. Where JAX has begun to compute already, a `FrictionjaxWarning` says
+    that the speed is lost, and float64 is switched on all the same.
+    """
+    if cpu_devices is not None and cpu_devices < 1:
+        raise ValueError(f"`cpu_devices` is {cpu_devices}; at least one is needed. None takes every core.")
+    jax.config.update("jax_enable_x64", True)
+    before = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = flags = _with_our_flags(before)
+    if cpu_devices is None:
+        if "xla_force_host_platform_device_count" in flags:
+            return
+        cpu_devices = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    try:
+        # It refuses once there are devices: the one public sign that XLA_FLAGS has been read.
+        jax.config.update("jax_num_cpu_devices", cpu_devices or 1)
+    except RuntimeError:
+        if flags != before:
+            warnings.warn(
+                "JAX has computed something before `configure_jax()`: simulations stay slow in this process. "
+                "Call it right after `import frictionjax`, in a fresh process.",
+                FrictionjaxWarning,
+                stacklevel=2,
+            )

@@ -1,0 +1,191 @@
+"""`simulate_batch`: many drives at once, spread over the devices and cut to the cache."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Array, Float
+
+from frictionjax.core import Progress, require_x64, silent
+from frictionjax.core.safe import real
+from frictionjax.physics import Drive
+from frictionjax.simulation.fixed import Trajectory, simulate
+
+# Drives that go side by side on a CPU: enough to fill the vector units, few enough for the innermost cache.
+_LANES = 64
+_AXIS = "drives"
+
+
+def position(run: Trajectory) -> Float[Array, " n"]:
+    """The position of a run, shape `(n,)`: what `simulate_batch` returns unless told otherwise."""
+    return run.x
+
+
+def simulate_batch(
+    drives: Drive,
+    u: Float[Array, " n"] | Float[Array, "b n"],
+    sample_rate: float,
+    *,
+    x0: float | Float[Array, " b"] = 0.0,
+    v0: float | Float[Array, " b"] = 0.0,
+    z0: float | Float[Array, " b"] = 0.0,
+    substeps: int = 2,
+    of: Callable[[Trajectory], Any] = position,
+    memory: float = 2.0**30,
+    progress: Progress = silent,
+) -> Any:
+    """Simulate `b` drives, by the scheme of `simulate`, on all devices: Monte Carlo, sweeps, starts.
+
+    What has a leading axis differs from drive to drive; what has none is shared. Beyond `memory` the batch is cut into
+    pieces, whose results are collected on the host. Inside jit, vmap or a derivative it stays one piece on one device.
+    Batches are several times faster after `configure_jax()`.
+
+    **Arguments:**
+
+    - `drives`: a `Drive` some of whose parameters have shape `(b,)`.
+    - `u`: input, shape `(n,)` or `(b, n)`, input units.
+    - `sample_rate`: samples per second.
+    - `x0`, `v0`, `z0`: position, velocity and bristle deflection at the first sample; numbers, or shape `(b,)`.
+    - `substeps`: steps per sample, see `simulate`.
+    - `of`: what to keep of a run: a function of one drive's `Trajectory`. Only what it uses is computed, and only what
+        it returns leaves the device. Give a function that is defined once: a new one is compiled anew.
+    - `memory`: bytes that the results of one piece may take.
+    - `progress`: told of the drives that are done.
+
+    **Returns:**
+
+    What `of` returns, each array with a leading axis of `b`; numpy arrays (JAX arrays inside compiled functions).
+
+    **Raises:**
+
+    `PrecisionError` unless JAX computes in float64; `ValueError` when nothing has a leading axis, or their lengths
+    differ.
+    """
+    require_x64()
+    numbers, structure = eqx.partition(drives, eqx.is_array)
+    run = (numbers, real(u), (real(x0), real(v0), real(z0)))
+    batched = jax.tree.map(lambda leaf: leaf.ndim > 0, run)
+    batched = eqx.tree_at(lambda tree: tree[1], batched, run[1].ndim > 1)
+    count = _count(run, batched)
+    how = _How(structure, jax.tree.structure(run), tuple(jax.tree.leaves(batched)), int(substeps), of)
+    dt = 1.0 / real(sample_rate)
+    leaves = tuple(jax.tree.leaves(run))
+    if any(isinstance(leaf, Tracer) for leaf in (*leaves, dt)):
+        return _in_blocks(leaves, dt, how, -(-count // _LANES))
+    devices = tuple(jax.local_devices(backend=jax.default_backend()))
+    kept = _kept(
+        how,
+        tuple(leaf.shape[1:] if flag else leaf.shape for leaf, flag in zip(leaves, how.batched, strict=True)),
+    )
+    bytes_each = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(kept))
+    blocks, lanes = _cut(count, int(memory // max(bytes_each, 1)), devices)
+    piece = blocks * lanes * len(devices)
+    results = jax.tree.map(lambda leaf: np.empty((count, *leaf.shape), leaf.dtype), kept)
+    host = [np.asarray(leaf) if flag else leaf for leaf, flag in zip(leaves, how.batched, strict=True)]
+    for first in range(0, count, piece):
+        # The last piece is filled up with its last drive, so that all pieces share one compiled program.
+        taken = np.minimum(np.arange(first, first + piece), count - 1)
+        part = leaves
+        if piece != count:
+            part = tuple(leaf[taken] if flag else leaf for leaf, flag in zip(host, how.batched, strict=True))
+        found = _on_all(part, dt, how, blocks, devices)
+        last = min(first + piece, count)
+        for whole, new in zip(jax.tree.leaves(results), jax.tree.leaves(found), strict=True):
+            # Device by device: each number is copied once.
+            for shard in new.addressable_shards:
+                begin = first + (shard.index[0].start or 0)
+                some = np.asarray(shard.data)[: max(last - begin, 0)]
+                whole[begin : begin + some.shape[0]] = some
+        progress("drives", last / count)
+    return results
+
+
+class _How(eqx.Module):
+    """What of a batch is no number: `drive` without its arrays, the `tree` of the leaves, which of them are `batched`,
+    `substeps`, and `of`."""
+
+    drive: Drive
+    tree: Any = eqx.field(static=True)
+    batched: tuple[bool, ...] = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+    of: Callable[[Trajectory], Any] = eqx.field(static=True)
+
+
+def _count(run, batched) -> int:
+    """Number of drives."""
+    lengths = {
+        leaf.shape[0]
+        for leaf, flag in zip(jax.tree.leaves(run), jax.tree.leaves(batched), strict=True)
+        if flag
+    }
+    if run[1].ndim not in (1, 2):
+        raise ValueError(f"`u` has shape {run[1].shape}; it must be (n,), shared, or (b, n).")
+    if not lengths:
+        raise ValueError(
+            "Nothing differs from drive to drive: give a parameter, a start or `u` a leading axis, or use `simulate`."
+        )
+    if len(lengths) > 1:
+        raise ValueError(f"The leading axes have lengths {sorted(lengths)}; all that differ must be as many.")
+    return lengths.pop()
+
+
+def _cut(count: int, most: int, devices: tuple) -> tuple[int, int]:
+    """Blocks per device and drives per block of one piece of at most about `most` drives."""
+    share = -(-min(count, max(most, 1)) // len(devices))
+    # A GPU takes all of its share at once; a CPU takes what fits its cache.
+    blocks = -(-share // _LANES) if devices[0].platform == "cpu" else 1
+    return blocks, -(-share // blocks)
+
+
+def _single(leaves, dt, how: _How):
+    """What is kept of one drive."""
+    numbers, u, (x0, v0, z0) = jax.tree.unflatten(how.tree, leaves)
+    drive = eqx.combine(numbers, how.drive)
+    return how.of(simulate(drive, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=how.substeps))
+
+
+@functools.lru_cache(maxsize=256)
+def _kept(how: _How, shapes: tuple[tuple[int, ...], ...]) -> Any:
+    """Shapes and types of what is kept of one drive; tracing it at every call would cost more than a small batch."""
+    leaves, dt = [jax.ShapeDtypeStruct(shape, float) for shape in shapes], jax.ShapeDtypeStruct((), float)
+    return jax.eval_shape(lambda leaves, dt: _single(leaves, dt, how), leaves, dt)
+
+
+def _in_blocks(leaves, dt, how: _How, blocks: int):
+    """What is kept of all drives, one block after the other."""
+    split = [leaf for leaf, flag in zip(leaves, how.batched, strict=True) if flag]
+    count = split[0].shape[0]
+    lanes = -(-count // blocks)
+    spare = blocks * lanes - count
+
+    def block(part):
+        rest = iter(part)
+        mixed = [next(rest) if flag else leaf for leaf, flag in zip(leaves, how.batched, strict=True)]
+        axes = [0 if flag else None for flag in how.batched]
+        return jax.vmap(lambda leaves: _single(leaves, dt, how), in_axes=(axes,))(mixed)
+
+    if blocks == 1:
+        return block(split)
+    padded = [jnp.concatenate([leaf, jnp.repeat(leaf[-1:], spare, axis=0)]) for leaf in split]
+    found = jax.lax.map(block, [leaf.reshape(blocks, lanes, *leaf.shape[1:]) for leaf in padded])
+    return jax.tree.map(lambda leaf: leaf.reshape(blocks * lanes, *leaf.shape[2:])[:count], found)
+
+
+@eqx.filter_jit
+def _on_all(leaves, dt, how: _How, blocks: int, devices: tuple):
+    """`_in_blocks` on every device, for its share of the drives."""
+    mesh = Mesh(np.array(devices), (_AXIS,))
+    specs = tuple(PartitionSpec(_AXIS) if flag else PartitionSpec() for flag in how.batched)
+    return jax.shard_map(
+        lambda leaves, dt: _in_blocks(leaves, dt, how, blocks),
+        mesh=mesh,
+        in_specs=(specs, PartitionSpec()),
+        out_specs=PartitionSpec(_AXIS),
+        check_vma=False,
+    )(leaves, dt)

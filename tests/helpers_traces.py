@@ -1,0 +1,67 @@
+"""Counting what JAX traces and compiles, and short recordings that a fit goes through in seconds."""
+
+from collections.abc import Callable
+
+import jax
+import numpy as np
+from helpers_estimation import PLANT, break_away, large_noise
+from helpers_plants import effect
+
+from frictionjax.physics import Drive, LuGre
+from frictionjax.recordings import Recording
+from frictionjax.simulation import simulate
+
+_EVENTS = {
+    "/jax/core/compile/jaxpr_trace_duration": "traced",
+    "/jax/core/compile/backend_compile_duration": "compiled",
+}
+_log: list[str] = []
+
+
+def _note(event: str, duration_secs: float, **about: str | int) -> None:
+    if event in _EVENTS:
+        _log.append(f"{_EVENTS[event]} {about.get('fun_name', 'a program')}")
+
+
+jax.monitoring.register_event_duration_secs_listener(_note)
+
+
+def programs(call: Callable[[], object]) -> list[str]:
+    """What JAX traced and compiled while `call` ran, on any thread: one entry for each."""
+    _log.clear()
+    jax.block_until_ready(jax.tree.leaves(call()))
+    return list(_log)
+
+
+SAMPLES = 1200
+
+
+def start(k: float) -> Drive:
+    """The plant of the recordings below, some tens of percent off: the more, the larger `k`."""
+    law = PLANT.friction
+    friction = LuGre(
+        sigma0=law.sigma0 * (1.0 - 0.05 * k),
+        sigma1=law.sigma1,
+        sigma2=law.sigma2 * (1.0 + 0.2 * k),
+        Fc=law.Fc * (1.0 + 0.05 * k),
+        Fs=law.Fs * (1.0 + 0.05 * k),
+        vs=law.vs,
+    )
+    return Drive(PLANT.J * (1.0 + 0.1 * k), friction, PLANT.motor_constant)
+
+
+def loaded(k: float) -> Drive:
+    """The same start with an effect whose strength is measured in parts of the plant's own friction."""
+    return start(k).with_effects(effect("ConstantLoad"))
+
+
+def recordings(
+    seed: int, *, rate: float = 2000.0, prefix: str = "run", samples: int = SAMPLES, load: float = 0.0
+) -> tuple[Recording, ...]:
+    """A break-away and a loud noise of 0.6 s with the sensor's noise of one `seed`, under a constant `load`."""
+    drive = PLANT.with_effects(effect("ConstantLoad", load=load))
+    rng, found = np.random.default_rng(seed), []
+    for i, u in enumerate((break_away(0.6)[:SAMPLES], large_noise(0.6, level=0.8)[:SAMPLES])):
+        x = np.asarray(simulate(drive, u, rate).x) + 1e-6 * rng.standard_normal(SAMPLES)
+        found.append(Recording(f"{prefix}{i}", rate, np.asarray(u[:samples], float), x[:samples]))
+    return tuple(found)
