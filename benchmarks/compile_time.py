@@ -1,6 +1,6 @@
 """What the first call of each verb costs, and what the same call with other numbers costs.
 
-    python -m benchmarks.compile_time
+    python -m benchmarks compile_time
 
 One process, one verb after the other, nothing kept from earlier runs: small programs that two verbs share count for the
 first. Small cases: what is measured is the compilation. `diagnose` and `compare_estimators` are left out; their own
@@ -14,12 +14,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from benchmarks.timing import row
 from frictionjax import (
     Drive,
     LuGre,
     Recording,
     best_linear_approximation,
-    configure_jax,
     estimate_frf,
     excitation,
     fit,
@@ -159,34 +159,20 @@ def _timed(call: Call) -> float:
     return time.perf_counter() - begun
 
 
-def measure() -> list[dict[str, Any]]:
-    """One row for each verb: `verb`, `first_s`, `compile_s` (of the first call), `second_ms` (other numbers).
+def measure(*, small: bool = False) -> list[dict[str, Any]]:
+    """Rows for each verb: its first call, how much of that was compilation, and a call with other numbers.
 
-    Sets JAX to float64, and forgets what was compiled before.
+    Forgets what was compiled before. `small`: the first four verbs only.
     """
-    jax.config.update("jax_enable_x64", True)
+    kept = jax.config.jax_enable_compilation_cache
     jax.config.update("jax_enable_compilation_cache", False)
     jax.clear_caches()
     rows = []
-    for verb, prepare in VERBS.items():
+    for verb, prepare in list(VERBS.items())[: 4 if small else None]:
         first, second = prepare(0), prepare(1)
         clock = CompileClock()
-        first_s = _timed(first)
-        compile_s = clock.seconds
-        rows.append(
-            {"verb": verb, "first_s": first_s, "compile_s": compile_s, "second_ms": 1e3 * _timed(second)}
-        )
+        rows.append(row(f"{verb}: first call", _timed(first), "s"))
+        rows.append(row(f"{verb}: of that compilation", clock.seconds, "s"))
+        rows.append(row(f"{verb}: other numbers", 1e3 * _timed(second), "ms"))
+    jax.config.update("jax_enable_compilation_cache", kept)
     return rows
-
-
-def main() -> None:
-    """Print the table, of a process set up as README says."""
-    configure_jax()
-    print("| verb | first call, s | of that compilation, s | second call, other numbers, ms |")
-    print("|---|---|---|---|")
-    for row in measure():
-        print("| {verb} | {first_s:.2f} | {compile_s:.2f} | {second_ms:.1f} |".format(**row))
-
-
-if __name__ == "__main__":
-    main()

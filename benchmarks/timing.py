@@ -21,11 +21,13 @@ def first_call(run: Callable[[], Any]) -> float:
 def medians(runs: dict[str, Callable[[], Any]], *, repeats: int = 7) -> dict[str, float]:
     """Median seconds of each of `runs`, which take turns: what the machine does meanwhile hits them alike.
 
-    Each must have been called before, so that nothing is compiled here.
+    Each must have been called before, so that nothing is compiled here. A turn begins with a call that does not count:
+    the caches and threads that the run before has left are not this one's fault.
     """
     seconds: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():
+            jax.block_until_ready(run())
             start = time.perf_counter()
             jax.block_until_ready(run())
             seconds[name].append(time.perf_counter() - start)
@@ -61,4 +63,10 @@ def machine() -> dict[str, Any]:
 
 def row(what: str, value: float, unit: str, goal: str = "", met: bool | None = None) -> dict[str, Any]:
     """One line of a table: `what` was measured, its `value` and `unit`, the `goal` in words and whether it is met."""
-    return {"what": what, "value": float(value), "unit": unit, "goal": goal, "met": met}
+    return {
+        "what": what,
+        "value": float(value),
+        "unit": unit,
+        "goal": goal,
+        "met": None if met is None else bool(met),
+    }

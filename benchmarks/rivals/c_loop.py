@@ -13,7 +13,6 @@ import numpy as np
 # Threads that spin while they wait would take the cores from whoever is measured next.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-LANES = 64
 MISSING = "gcc is not installed"
 
 
@@ -22,33 +21,17 @@ def available() -> bool:
     return shutil.which("gcc") is not None
 
 
-def build() -> ctypes.CDLL:
-    """The compiled `lugre.c`."""
+def build(lanes: int = 64) -> ctypes.CDLL:
+    """The compiled `lugre.c`, with `lanes` drives side by side."""
     source = Path(__file__).parent / "lugre.c"
     library = Path(tempfile.mkdtemp()) / "lugre.so"
-    flags = [
-        "-O3",
-        "-march=native",
-        "-mprefer-vector-width=512",
-        "-ffast-math",
-        "-fopenmp",
-        "-shared",
-        "-fPIC",
-    ]
-    done = subprocess.run(
-        ["gcc", *flags, "-o", str(library), str(source), "-lm"], capture_output=True, text=True, check=False
-    )
-    if done.returncode and "prefer-vector-width" in done.stderr:  # not an x86 compiler
-        flags.remove("-mprefer-vector-width=512")
-        done = subprocess.run(
-            ["gcc", *flags, "-o", str(library), str(source), "-lm"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    if done.returncode:
-        raise RuntimeError(f"gcc could not compile {source}: {done.stderr.strip()}")
-    return ctypes.CDLL(str(library))
+    flags = [*["-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC"], f"-DLANES={lanes}"]
+    for width in (["-mprefer-vector-width=512"], []):  # a compiler for another processor does not know it
+        command = ["gcc", *flags, *width, "-o", str(library), str(source), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if not done.returncode:
+            return ctypes.CDLL(str(library))
+    raise RuntimeError(f"gcc could not compile {source}: {done.stderr.strip()}")
 
 
 def runner(
@@ -59,11 +42,12 @@ def runner(
     *,
     substeps: int,
     keep_all: bool,
+    lanes: int = 64,
 ) -> Callable[[], np.ndarray]:
     """A function that simulates all drives from rest: `parameters` (b, 7), `force` (n,); b is filled up to a multiple
-    of 64. It returns the last positions, shape (b,), or all, shape (n, b)."""
+    of `lanes`, as given to `build`. It returns the last positions, shape (b,), or all, shape (n, b)."""
     count, samples = parameters.shape[0], force.shape[0]
-    filled = -(-count // LANES) * LANES
+    filled = -(-count // lanes) * lanes
     table = np.ascontiguousarray(parameters[np.minimum(np.arange(filled), count - 1)].T)
     force = np.ascontiguousarray(force)
     out = np.zeros((samples, filled) if keep_all else filled)

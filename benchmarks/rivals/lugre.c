@@ -1,11 +1,13 @@
 /* The scheme of frictionjax/simulation/ros2.py for LuGre alone, written by hand: the speed limit of this processor.
 
-   64 drives go side by side through the vector units; the exponential is a polynomial. */
+   LANES drives go side by side through the vector units; the exponential is a polynomial. */
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#ifndef LANES
 #define LANES 64
+#endif
 
 static inline double exponential(double x) { /* for x <= 0 */
   const double log2e = 1.4426950408889634, high = 0.693147180369123816490, low = 1.90821492927058770002e-10;

@@ -92,6 +92,11 @@ class Drive(eqx.Module):
                 first += effect.states
         return (jnp.concatenate(rates) if rates else jnp.zeros(0)), speed
 
+    @property
+    def has_force_effects(self) -> bool:
+        """Whether a force stands beside the friction."""
+        return any(isinstance(effect, AbstractForceEffect) for effect in self.effects)
+
     def parallel_force(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
         """Opposing force without memory at position `x` and velocity `v`: viscous friction and the force effects."""
         force = self.friction.sigma2 * v

@@ -44,12 +44,15 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps):
     bristles = drive.bristles()
 
     def sample(state, force):
-        friction, _ = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden)
-        return advance(drive, bristles, state, force, dt, substeps), (state.x, state.v, state.z, friction)
+        return advance(drive, bristles, state, force, dt, substeps), state
 
-    _, (x, v, z, friction) = jax.lax.scan(
-        sample, initial_state(drive, x0, v0, z0), drive.applied_force(u, dt)
-    )
+    def friction_of(state):
+        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden)[0]
+
+    _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0), drive.applied_force(u, dt))
+    x, v, z = run.x, run.v, run.z
+    # Once the run is there: side by side, where one after the other would hold up the loop.
+    friction = jax.vmap(friction_of)(run)
     return Trajectory(jnp.arange(u.shape[0], dtype=u.dtype) * dt, x, v, z, friction, substeps)
 
 

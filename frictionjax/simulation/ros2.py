@@ -52,12 +52,14 @@ def ros2_step(
     first = bristles.share[0]
 
     def total(values):
-        return 0.0 if alone else jnp.sum(share * values)
+        return jnp.sum(share * values)
 
-    def opposing(spring, rate, bent, damped, beside):
+    def opposing(spring, rate, beside, bent, damped):
         """Equation (1): `spring` force and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the others."""
-        force = first * spring + friction.sigma0 * bent + friction.sigma1 * (first * rate + damped)
-        return force + beside
+        # Nothing is added where there are no others: the compiler may not drop a product with zero.
+        if alone:
+            return spring + friction.sigma1 * rate + beside
+        return first * spring + friction.sigma0 * bent + friction.sigma1 * (first * rate + damped) + beside
 
     x, v, z = state.x, state.v, state.z[0]
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
@@ -77,39 +79,50 @@ def ros2_step(
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
-    moved = total(bristles.cut(plays + h * w, limit) - plays) / h
-    friction_now = opposing(spring, rate, total(plays), moved, beside)
+    bent = moved = stuck = bent_1 = moved_1 = 0.0
+    if not alone:
+        bent, moved = total(plays), total(bristles.cut(plays + h * w, limit) - plays) / h
+    friction_now = opposing(spring, rate, beside, bent, moved)
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
     # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
     ahead = v + h * (force - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
     fast = jnp.where(turns, w + w_v * (ahead - v), w)
-    # A viscous force that is stronger on the other side must be met with that strength, or the step would run away.
-    _, beyond_v = jax.jvp(lambda speed: drive.parallel_force(x, speed), (ahead,), (jnp.ones_like(v),))
-    beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
+    if drive.has_force_effects:
+        # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
+        _, beyond_v = jax.jvp(lambda speed: drive.parallel_force(x, speed), (ahead,), (jnp.ones_like(v),))
+        beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
     slip = jnp.abs(fast) * softness
     rate_z = -slip * slope
     # Columns of A: v moves everything, LuGre's z moves its own rate only.
     rate_v = w_v * (1.0 - jnp.sign(fast) * bend) + slip * bend * jnp.where(turns, 0.0, level_v)
-    stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
+    if not alone:
+        stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
     if not exact_derivative:
         beside_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
             (beside_v, rate_v, rate_z, stuck, slope)
         )
-    friction_v = beside_v + friction.sigma1 * (first * rate_v + stuck)
-    stiffness = friction.sigma0 * mobility
+    per_mass = gh * mobility
     below_z = 1.0 - gh * rate_z
-    coupling = -gh * first * mobility * (slope + friction.sigma1 * rate_z)
-    below_v = 1.0 + gh * (friction_v * mobility + gh * stiffness * stuck)
+    coupling = -per_mass * (slope + friction.sigma1 * rate_z)
+    below_v = 1.0 + per_mass * (beside_v + friction.sigma1 * rate_v)
+    if not alone:
+        coupling = first * coupling
+        below_v = 1.0 + per_mass * (
+            beside_v + friction.sigma1 * (first * rate_v + stuck) + gh * friction.sigma0 * stuck
+        )
     pivot_z = 1.0 / below_z
     pivot_v = below_z / (below_z * below_v - gh * coupling * rate_v)
     arm = coupling * pivot_z
 
     def solve(right_v, right_z, right_plays):
         """Slopes of v, of LuGre's bristle, and of the sum over the other elements."""
-        k_v = (right_v + arm * right_z - gh * stiffness * right_plays) * pivot_v
-        return k_v, (right_z + gh * rate_v * k_v) * pivot_z, right_plays + gh * stuck * k_v
+        if not alone:
+            right_v = right_v - per_mass * friction.sigma0 * right_plays
+        k_v = (right_v + arm * right_z) * pivot_v
+        k_plays = 0.0 if alone else right_plays + gh * stuck * k_v
+        return k_v, (right_z + gh * rate_v * k_v) * pivot_z, k_plays
 
     k1_v, k1_z, k1_plays = solve((force - friction_now) * mobility, rate, moved)
     k1_x = v + gh * k1_v
@@ -119,11 +132,12 @@ def ros2_step(
     hidden_rate_1, w1 = drive.hidden_rates(state.hidden + h * hidden_rate, v1, spring_1)
     rate_1 = w1 - jnp.abs(w1) * (spring_1 / level_1)
     limit_1 = level_1 * slack
-    middle = plays + h * (0.5 * (w + w1))
-    # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
-    moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
-    bent_1 = total(bristles.cut(middle, limit_1))
-    friction_1 = opposing(spring_1, rate_1, bent_1, moved_1, drive.parallel_force(x1, v1))
+    if not alone:
+        middle = plays + h * (0.5 * (w + w1))
+        # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
+        moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
+        bent_1 = total(bristles.cut(middle, limit_1))
+    friction_1 = opposing(spring_1, rate_1, drive.parallel_force(x1, v1), bent_1, moved_1)
     k2_v, k2_z, _ = solve(
         (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z, moved_1 - 2.0 * k1_plays
     )
@@ -134,7 +148,7 @@ def ros2_step(
     # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
     bound = jax.lax.stop_gradient(_BENT * friction.Fs / friction.sigma0)
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
-    v2 = v2 + friction.sigma1 * bristles.share[0] * excess * mobility
+    v2 = v2 + friction.sigma1 * (excess if alone else first * excess) * mobility
     z2 = (z2 - excess)[None]
     if not alone:
         way = x2 - x
