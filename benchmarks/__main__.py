@@ -2,7 +2,7 @@
 
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
-NAME: one or more of `accuracy`, `simulation`, `parallel_in_time`, `simulation_gpu`, `compile_time`; all of them if
+NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `simulation_gpu`, `compile_time`; all if
 none is given.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import frictionjax
 
-NAMES = ("accuracy", "simulation", "parallel_in_time", "simulation_gpu", "compile_time")
+NAMES = ("accuracy", "simulation", "solvers", "parallel_in_time", "simulation_gpu", "compile_time")
 HERE = Path(__file__).parent
 BEGIN, END = "<!-- table: python -m benchmarks -->", "<!-- end of table -->"
 

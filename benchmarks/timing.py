@@ -10,6 +10,8 @@ from typing import Any
 import jax
 import numpy as np
 
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
 
 def first_call(run: Callable[[], Any]) -> float:
     """Seconds of the first call of `run`, compilation included."""
@@ -51,7 +53,7 @@ def machine() -> dict[str, Any]:
         memory = round(int(kilobytes.split()[1]) / 2**20, 1)
     return {
         "processor": processor,
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": CORES,
         "memory_GiB": memory,
         "load_before": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
         "system": platform.platform(),

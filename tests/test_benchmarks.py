@@ -33,7 +33,8 @@ def _run(*arguments):
     "name",
     [
         pytest.param("accuracy", marks=pytest.mark.slow),
-        pytest.param("simulation", marks=pytest.mark.slow),
+        "simulation",
+        pytest.param("solvers", marks=pytest.mark.slow),
         "parallel_in_time",
         "simulation_gpu",
         "compile_time",
