@@ -75,7 +75,7 @@ def measure(*, small: bool = False) -> list[dict]:
     run = mujoco_lugre.runner(parameters, push, DT, CORES)
     error_there = rms(run()[0] - exact)
     seconds = medians({"it": run}, repeats=5)["it"] / count / samples
-    compare(f"MuJoCo implicitfast, one step a sample, {CORES} threads", seconds, error_there, 3)
+    compare(f"MuJoCo Euler, one step a sample, {CORES} threads", seconds, error_there, 3)
     return rows
 
 

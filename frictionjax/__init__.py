@@ -17,6 +17,9 @@ __version__ = _version("frictionjax")
 def __getattr__(name: str) -> Any:
     if name.startswith("_"):
         raise AttributeError(name)
+    if name == "configure_jax":
+        # Before the rest is loaded: with some versions of its libraries that alone makes JAX compute something.
+        return importlib.import_module("frictionjax.core").configure_jax
     api = importlib.import_module("frictionjax.api")
     if name not in api.__all__:
         raise AttributeError(

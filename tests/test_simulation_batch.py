@@ -10,6 +10,8 @@ from helpers_plants import ROTARY, TABLE_I, effect
 import frictionjax.simulation.batch as module
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_batch
+from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.ros2 import advance
 
 RATE, N = 2000.0, 120
 U = 1.5 * np.sin(2 * np.pi * 25.0 * np.arange(N) / RATE)
@@ -89,14 +91,6 @@ def test_inside_a_derivative_it_is_a_jax_array_and_agrees():
     np.testing.assert_allclose(slope, [alone(m) for m in MASSES[:3]], rtol=1e-8)
 
 
-def test_new_numbers_of_the_same_shape_compile_nothing():
-    simulate_batch(_drives(), U, RATE)
-    before = module._on_all._cached._cache_size() if hasattr(module._on_all, "_cached") else None
-    simulate_batch(_drives(1.1 * MASSES), 0.9 * U, 0.9 * RATE)
-    if before is not None:
-        assert module._on_all._cached._cache_size() == before
-
-
 @pytest.mark.parametrize("parameters", [1, 6])
 def test_the_memory_of_a_derivative_does_not_grow_with_the_parameters(parameters):
     """Forward mode carries tangents along: what is held at a time is a few numbers a drive, whatever the length."""
@@ -106,13 +100,9 @@ def test_the_memory_of_a_derivative_does_not_grow_with_the_parameters(parameters
         friction = eqx.tree_at(lambda f: [getattr(f, name) for name in names], TABLE_I.friction, list(values))
 
         def sample(carry, push):
-            from frictionjax.simulation.ros2 import advance
-
             state, total = carry
             state = advance(drive, drive.bristles(), state, push, jnp.asarray(1 / RATE), 1)
             return (state, total + state.x**2), None
-
-        from frictionjax.simulation.fixed import initial_state
 
         drive = Drive(1.0, friction)
         zero = jnp.zeros(())
@@ -124,6 +114,14 @@ def test_the_memory_of_a_derivative_does_not_grow_with_the_parameters(parameters
         for n in (1000, 100_000)
     ]
     assert used[1] < used[0] + 1000
+
+
+def test_results_beyond_the_machine_are_refused_before_anything_runs():
+    def far_too_much(run):
+        return jnp.zeros(2**50) + run.x[-1]
+
+    with pytest.raises(ValueError, match="let `of` return less"):
+        simulate_batch(_drives(), U, RATE, of=far_too_much)
 
 
 def test_nothing_that_differs_is_refused():

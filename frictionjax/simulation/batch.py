@@ -1,6 +1,7 @@
 """`simulate_batch`: many drives at once, spread over the devices and cut to the cache."""
 
 import functools
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -65,8 +66,8 @@ def simulate_batch(
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `ValueError` when nothing has a leading axis, or their lengths
-    differ.
+    `PrecisionError` unless JAX computes in float64; `ValueError` when nothing has a leading axis, when their lengths
+    differ, or when the results are larger than the machine's memory.
     """
     require_x64()
     numbers, structure = eqx.partition(drives, eqx.is_array)
@@ -87,6 +88,7 @@ def simulate_batch(
         tuple(leaf.shape[1:] if flag else leaf.shape for leaf, flag in zip(leaves, how.batched, strict=True)),
     )
     bytes_each = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(kept))
+    _check_room(count * bytes_each)
     blocks, lanes = _cut(count, int(memory // max(bytes_each, 1)), devices)
     piece = blocks * lanes * len(devices)
     results = jax.tree.map(lambda leaf: np.empty((count, *leaf.shape), leaf.dtype), kept)
@@ -163,6 +165,18 @@ def _count(run, batched) -> int:
     if len(lengths) > 1:
         raise ValueError(f"The leading axes have lengths {sorted(lengths)}; all that differ must be as many.")
     return lengths.pop()
+
+
+def _check_room(needed: int) -> None:
+    """Refuse results that this machine cannot hold, where the system tells how much that is."""
+    if "SC_PHYS_PAGES" not in getattr(os, "sysconf_names", {}):
+        return
+    room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if needed > room:
+        raise ValueError(
+            f"The results take {needed / 2**30:.3g} GiB, and this machine has {room / 2**30:.3g}: let `of` return less "
+            "of a run, such as its last position or its mean square error, or simulate part of the drives."
+        )
 
 
 def _cut(count: int, most: int, devices: tuple) -> tuple[int, int]:
