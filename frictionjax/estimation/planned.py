@@ -1,0 +1,103 @@
+"""A plan of experiments as it is given, checked: its inputs, its numbers, and the parameters that are to be found."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import InputError, Parameter
+from frictionjax.estimation.parameters import Free, base_layout, effect_layout
+from frictionjax.physics import Drive
+
+Numbers = float | Sequence[float]
+"""One number for all experiments, or one for each."""
+
+MOTOR = Parameter("motor_constant", "{force}/{input}", "motor constant", "log")
+
+
+def part_of(tree, path: str):
+    """What stands at `path` (names and places, with points between) in `tree`."""
+    for name in path.split("."):
+        tree = tree[int(name)] if name.isdigit() else getattr(tree, name)
+    return tree
+
+
+def scale_of(layout: tuple[Free, ...], drive: Drive, stroke: float, dt: float) -> Float[np.ndarray, " p"]:
+    """Typical size of each coordinate of `layout`, shape `(p,)`: 1 for a logarithm; that of a strength on `drive`, over
+    the largest `stroke` (position units) and the shortest `dt` (s) of the plan."""
+    Fc, sigma0 = float(drive.friction.Fc), float(drive.friction.sigma0)
+    sizes = {"Fc": Fc, "sigma0": sigma0, "zs": float(drive.friction.Fs) / sigma0, "stroke": stroke, "dt": dt}
+    sizes["Fc/stroke"] = Fc / stroke if stroke > 0.0 else 1.0
+    found = []
+    for one in layout:
+        scale = 1.0 if one.parameter.transform == "log" else one.parameter.scale
+        found.append(sizes.get(scale, 1.0) if isinstance(scale, str) else scale)
+    return np.asarray(found)
+
+
+def layout_of(drive: Drive, free: Sequence[str] | None) -> tuple[Free, ...]:
+    """The parameters of `drive` named by `free` (None: J, friction, strengths), without numbers of the case: those
+    would be compiled in."""
+    known = (
+        *base_layout(drive, 1.0),
+        *effect_layout(drive, defaultdict(float)),
+        Free("motor_constant", MOTOR, MOTOR.name),
+    )
+    known = {one.label: Free(one.path, one.parameter, one.label) for one in known}
+    if free is None:
+        own = {f"effects.{i}.{p.name}" for i, effect in enumerate(drive.effects) for p in effect.strengths}
+        own |= {"J", *(f"friction.{p.name}" for p in drive.friction.parameters)}
+        return tuple(one for one in known.values() if one.path in own)
+    free = (free,) if isinstance(free, str) else tuple(free)
+    wrong = [name for name in free if name not in known]
+    if wrong or not free or len(set(free)) < len(free):
+        problem = f"no parameter is called {', '.join(wrong)}" if wrong else "it names none, or one twice"
+        raise InputError(problem, place="`free`", cure=f"Name some of {', '.join(known)}, each once.")
+    return tuple(known[name] for name in free)
+
+
+def values_of(layout: tuple[Free, ...], drive: Drive) -> Float[np.ndarray, " p"]:
+    """Values in `drive` of the parameters of `layout`, each in its unit, shape `(p,)`."""
+    arrays = [np.asarray(part_of(drive, one.path)) for one in layout]
+    for one, value in zip(layout, arrays, strict=True):
+        positive = one.parameter.transform == "log"
+        if value.ndim or not np.isfinite(value) or (positive and not value > 0.0):
+            raise InputError(
+                f"{one.label} = {value} is not a {'positive ' if positive else ''}finite number",
+                place="`drive`",
+                cure="Mend it, or leave it out of `free`; many drives at once go through a loop.",
+            )
+    return np.asarray(arrays, dtype=float)
+
+
+def inputs_of(inputs) -> list[Float[np.ndarray, " n"]]:
+    """One or several `inputs` as a list of finite arrays of shape `(n,)`, input units."""
+    single = hasattr(inputs, "ndim") and inputs.ndim == 1
+    plans = [np.asarray(u, dtype=float) for u in ([inputs] if single else inputs)]
+    if not plans:
+        raise InputError("no experiment is planned", place="`inputs`", cure="Give at least one input.")
+    for index, u in enumerate(plans):
+        if u.ndim != 1 or u.size < 2 or not np.all(np.isfinite(u)):
+            raise InputError(
+                f"experiment {index} has shape {u.shape}, or numbers that are not finite",
+                place="`inputs`",
+                cure="Give each experiment one finite array of shape (n,), n at least 2.",
+            )
+    return plans
+
+
+def for_each(name: str, value: Numbers, count: int, *, positive: bool = False) -> list[float]:
+    """The argument `name`: from its `value` one number for each of `count` experiments, `positive` if asked."""
+    numbers = np.asarray(value, dtype=float)
+    if numbers.ndim > 1 or (numbers.ndim == 1 and numbers.size != count):
+        raise InputError(
+            f"shape {numbers.shape} for {count} experiments",
+            place=f"`{name}`",
+            cure="Give one number, or one for each experiment.",
+        )
+    if not np.all(np.isfinite(numbers)) or (positive and not np.all(numbers > 0.0)):
+        raise InputError(
+            f"it is {value}", place=f"`{name}`", cure=f"Give {'positive' if positive else 'finite'} numbers."
+        )
+    return np.broadcast_to(numbers, (count,)).tolist()
