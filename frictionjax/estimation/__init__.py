@@ -1,4 +1,4 @@
-"""Starting values, the joint fit of all recordings, its uncertainty, what experiments can tell, and results as files."""
+"""Starting values, the joint fit of all recordings, its uncertainty, what experiments can tell, results as files."""
 
 from frictionjax.estimation.exchange import load_fit as load_fit
 from frictionjax.estimation.exchange import save_fit as save_fit
