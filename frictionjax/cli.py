@@ -165,7 +165,7 @@ def _keep_what_is_compiled() -> None:
         return
     if os.access(folder, os.W_OK):
         jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _diagnose(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
