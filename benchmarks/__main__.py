@@ -1,9 +1,9 @@
-"""`python -m benchmarks`: run every benchmark, print the table, keep the numbers, rewrite the table in README.md here.
+"""`python -m benchmarks`: run benchmarks, keep the numbers, and rewrite the table in README.md from all that are kept.
 
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
-NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `simulation_gpu`, `compile_time`; all if
-none is given.
+NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `simulation_gpu`, `compile_time`,
+`compile_time_diagnose`; all if none is given.
 """
 
 import argparse
@@ -19,7 +19,15 @@ from pathlib import Path
 
 import frictionjax
 
-NAMES = ("accuracy", "simulation", "solvers", "parallel_in_time", "simulation_gpu", "compile_time")
+NAMES = (
+    "accuracy",
+    "simulation",
+    "solvers",
+    "parallel_in_time",
+    "simulation_gpu",
+    "compile_time",
+    "compile_time_diagnose",
+)
 HERE = Path(__file__).parent
 BEGIN, END = "<!-- table: python -m benchmarks -->", "<!-- end of table -->"
 
@@ -51,6 +59,16 @@ def table(results: list[dict]) -> str:
     return "\n".join(lines)
 
 
+def rewrite() -> None:
+    """Put the table of all results that are kept into README.md."""
+    files = [file for name in NAMES for file in sorted((HERE / "results").glob(f"{name}--*.json"))]
+    kept = [json.loads(file.read_text()) for file in files]
+    readme = HERE / "README.md"
+    text = readme.read_text(encoding="utf-8")
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    readme.write_text(f"{before}{BEGIN}\n\n{table(kept)}\n{END}{after}", encoding="utf-8")
+
+
 def main() -> int:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -64,7 +82,6 @@ def main() -> int:
     from benchmarks.timing import machine
 
     about = machine()
-    results = []
     for name in arguments.names or NAMES:
         sys.stderr.write(f"{name} ...\n")
         start = time.perf_counter()
@@ -78,21 +95,15 @@ def main() -> int:
             "rows": [entry for entry in rows if "note" not in entry],
             "notes": [entry["note"] for entry in rows if "note" in entry],
         }
-        results.append(result)
         sys.stdout.write(table([result]) + "\n")
         sys.stdout.flush()
         if not arguments.small:
             arguments.keep.mkdir(parents=True, exist_ok=True)
-            file = (
-                arguments.keep
-                / f"{name}-{re.sub('[^a-z0-9]+', '-', about['processor'].lower()).strip('-')}.json"
-            )
+            processor = re.sub("[^a-z0-9]+", "-", about["processor"].lower()).strip("-")
+            file = arguments.keep / f"{name}--{processor}.json"
             file.write_text(json.dumps(result, indent=1) + "\n")
-    readme = HERE / "README.md"
-    if not arguments.small and not arguments.names and arguments.keep == HERE / "results":
-        text = readme.read_text(encoding="utf-8")
-        before, after = text.split(BEGIN)[0], text.split(END)[1]
-        readme.write_text(f"{before}{BEGIN}\n\n{table(results)}\n{END}{after}", encoding="utf-8")
+    if not arguments.small and arguments.keep == HERE / "results":
+        rewrite()
     return 0
 
 

@@ -3,8 +3,7 @@
     python -m benchmarks compile_time
 
 One process, one verb after the other, nothing kept from earlier runs: small programs that two verbs share count for the
-first. Small cases: what is measured is the compilation. `diagnose` and `compare_estimators` are left out; their own
-results say how much of their time it was.
+first. Small cases: what is measured is the compilation. `diagnose` has a file of its own.
 """
 
 import time
@@ -20,6 +19,7 @@ from frictionjax import (
     LuGre,
     Recording,
     best_linear_approximation,
+    compare_estimators,
     estimate_frf,
     excitation,
     fit,
@@ -123,6 +123,10 @@ def _level_sweep(k: int) -> Call:
     return lambda: level_sweep(drive, levels=(0.05, 0.3 + 0.1 * k), seed=k, **settings)
 
 
+def _compare_estimators(k: int) -> Call:
+    return lambda: compare_estimators(draws=3, levels=((1e-3,), (2e-3,))[k], seed=k).estimates
+
+
 def _fit(k: int) -> Call:
     """Two recordings of 0.6 s: a ramp through break-away and back, and a noise that slides."""
     t, rng = np.arange(1200) / 2000.0, np.random.default_rng(k)
@@ -149,6 +153,7 @@ VERBS: dict[str, Callable[[int], Call]] = {
     "excitation.point_to_point": _point_to_point,
     "level_sweep": _level_sweep,
     "fit": _fit,
+    "compare_estimators": _compare_estimators,
 }
 """What prepares a call of each verb: with one set of numbers for 0, with another for 1."""
 

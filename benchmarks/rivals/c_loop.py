@@ -24,14 +24,25 @@ def available() -> bool:
 def build(lanes: int = 64) -> ctypes.CDLL:
     """The compiled `lugre.c`, with `lanes` drives side by side."""
     source = Path(__file__).parent / "lugre.c"
-    library = Path(tempfile.mkdtemp()) / "lugre.so"
-    flags = [*["-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC"], f"-DLANES={lanes}"]
+    folder = Path(tempfile.mkdtemp())
+    compiled, library = folder / "lugre.o", folder / "lugre.so"
+    flags = ["-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", f"-DLANES={lanes}"]
     for width in (["-mprefer-vector-width=512"], []):  # a compiler for another processor does not know it
-        command = ["gcc", *flags, *width, "-o", str(library), str(source), "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        _call(done := _gcc(*flags, *width, "-c", str(source), "-o", str(compiled)), fatal=not width)
         if not done.returncode:
-            return ctypes.CDLL(str(library))
-    raise RuntimeError(f"gcc could not compile {source}: {done.stderr.strip()}")
+            break
+    # Linked without -ffast-math: with it, loading the library would flush small numbers to zero in all of the process.
+    _call(_gcc("-shared", "-fopenmp", str(compiled), "-o", str(library), "-lm"), fatal=True)
+    return ctypes.CDLL(str(library))
+
+
+def _gcc(*arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(["gcc", *arguments], capture_output=True, text=True, check=False)
+
+
+def _call(done: subprocess.CompletedProcess, *, fatal: bool) -> None:
+    if done.returncode and fatal:
+        raise RuntimeError(f"gcc could not build the C loop: {done.stderr.strip()}")
 
 
 def runner(

@@ -13,6 +13,7 @@ def require_x64() -> None:
     if not jax.config.read("jax_enable_x64"):
         raise PrecisionError(
             "frictionjax computes in float64 and JAX is set to float32. "
-            "Call `frictionjax.configure_jax()` once, before any other use of JAX, "
+            "Call `frictionjax.configure_jax()` once, before any other use of JAX "
+            '(or `jax.config.update("jax_enable_x64", True)`), '
             "or set the environment variable JAX_ENABLE_X64=1."
         )

@@ -1,0 +1,38 @@
+"""What compilation costs a diagnosis: `python -m benchmarks compile_time_diagnose`.
+
+The embedded case of `frictionjax demo`, in this process, nothing kept from earlier runs; `tests/test_house_traces.py`
+holds that another case of the same shapes compiles nothing.
+"""
+
+import tempfile
+from pathlib import Path
+
+import jax
+
+from benchmarks.timing import first_call, row
+from frictionjax import diagnose, load_case
+from frictionjax.core.compile_time import CompileClock
+from frictionjax.demo import write_demo_case
+
+NOTE = "compile_time_diagnose: the small size would be the whole of it, so nothing was measured."
+
+
+def measure(*, small: bool = False) -> list[dict]:
+    """The rows; nothing in the small size."""
+    if small:
+        return [{"note": NOTE}]
+    kept = jax.config.jax_enable_compilation_cache
+    jax.config.update("jax_enable_compilation_cache", False)
+    jax.clear_caches()
+    with tempfile.TemporaryDirectory() as folder:
+        case = load_case(write_demo_case(Path(folder) / "case"))
+        clock = CompileClock()
+        first = first_call(lambda: diagnose(case).verdict)
+        compiled = clock.seconds
+        second = first_call(lambda: diagnose(case).verdict)
+    jax.config.update("jax_enable_compilation_cache", kept)
+    return [
+        row("diagnose, embedded case: first call", first, "s"),
+        row("diagnose, embedded case: of that compilation (both threads)", compiled, "s"),
+        row("diagnose, embedded case: once more", second, "s"),
+    ]
