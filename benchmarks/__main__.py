@@ -2,7 +2,7 @@
 
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
-NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `simulation_gpu`, `compile_time`,
+NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `flags`, `simulation_gpu`, `compile_time`,
 `compile_time_diagnose`; all if none is given.
 """
 
@@ -24,6 +24,7 @@ NAMES = (
     "simulation",
     "solvers",
     "parallel_in_time",
+    "flags",
     "simulation_gpu",
     "compile_time",
     "compile_time_diagnose",

@@ -8,12 +8,22 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
+
+from frictionjax import simulate_batch
 
 REPOSITORY = Path(__file__).parents[1]
 BENCHMARKS = REPOSITORY / "benchmarks"
 
 pytestmark = pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="an installed package has no benchmarks")
+
+
+@pytest.fixture
+def importable(monkeypatch):
+    """The benchmarks are no part of the installed package."""
+    monkeypatch.syspath_prepend(str(REPOSITORY))
 
 
 def _run(*arguments):
@@ -38,7 +48,8 @@ def _run(*arguments):
         "parallel_in_time",
         "simulation_gpu",
         "compile_time",
-        "compile_time_diagnose",
+        pytest.param("compile_time_diagnose", marks=pytest.mark.slow),
+        pytest.param("flags", marks=pytest.mark.slow),
     ],
 )
 def test_a_benchmark_runs_and_its_numbers_are_finite(name, tmp_path):
@@ -76,17 +87,10 @@ def test_results_that_are_kept_name_the_machine_and_match_the_table():
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-def test_the_c_loop_is_the_scheme():
+def test_the_c_loop_is_the_scheme(importable):
     """Two roads to one answer: the rival in C, and ours."""
-    import numpy as np
-
-    sys.path.insert(0, str(REPOSITORY))
-    try:
-        from benchmarks.problem import DT, SAMPLE_RATE, drive_of, force, many
-        from benchmarks.rivals import c_loop
-    finally:
-        sys.path.remove(str(REPOSITORY))
-    from frictionjax import simulate_batch
+    from benchmarks.problem import DT, SAMPLE_RATE, drive_of, force, many
+    from benchmarks.rivals import c_loop
 
     parameters, push = many(20), 3.0 * force(300)
     theirs = c_loop.runner(c_loop.build(), parameters, push, DT, substeps=2, keep_all=True)().T
@@ -94,18 +98,10 @@ def test_the_c_loop_is_the_scheme():
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.ptp(ours))
 
 
-def test_one_gpu_kernel_is_the_scheme():
+def test_one_gpu_kernel_is_the_scheme(importable):
     """The Pallas kernel, interpreted, against `simulate_batch`."""
-    import jax.numpy as jnp
-    import numpy as np
-
-    sys.path.insert(0, str(REPOSITORY))
-    try:
-        from benchmarks.problem import SAMPLE_RATE, drive_of, force, last, many
-        from benchmarks.simulation_gpu import one_kernel
-    finally:
-        sys.path.remove(str(REPOSITORY))
-    from frictionjax import simulate_batch
+    from benchmarks.problem import SAMPLE_RATE, drive_of, force, last, many
+    from benchmarks.simulation_gpu import one_kernel
 
     parameters, push = many(128), force(40)
     kernel = one_kernel(jnp.asarray(parameters.T), jnp.asarray(push), interpret=True)

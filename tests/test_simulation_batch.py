@@ -10,8 +10,6 @@ from helpers_plants import ROTARY, TABLE_I, effect
 import frictionjax.simulation.batch as module
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_batch
-from frictionjax.simulation.fixed import initial_state
-from frictionjax.simulation.ros2 import advance
 
 RATE, N = 2000.0, 120
 U = 1.5 * np.sin(2 * np.pi * 25.0 * np.arange(N) / RATE)
@@ -91,29 +89,31 @@ def test_inside_a_derivative_it_is_a_jax_array_and_agrees():
     np.testing.assert_allclose(slope, [alone(m) for m in MASSES[:3]], rtol=1e-8)
 
 
-@pytest.mark.parametrize("parameters", [1, 6])
-def test_the_memory_of_a_derivative_does_not_grow_with_the_parameters(parameters):
-    """Forward mode carries tangents along: what is held at a time is a few numbers a drive, whatever the length."""
+def _held(parameters, drives):
+    """Bytes that a compiled derivative by `parameters` common factors holds, beside its inputs and its result."""
     names = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")[:parameters]
 
-    def misfit(values, u):
-        friction = eqx.tree_at(lambda f: [getattr(f, name) for name in names], TABLE_I.friction, list(values))
+    def misfit(factors, masses):
+        friction = eqx.tree_at(
+            lambda f: [getattr(f, name) for name in names],
+            TABLE_I.friction,
+            [getattr(TABLE_I.friction, name) * factor for name, factor in zip(names, factors, strict=True)],
+        )
+        return jnp.sum(simulate_batch(Drive(masses, friction), U, RATE, of=last_and_peak)["last"] ** 2)
 
-        def sample(carry, push):
-            state, total = carry
-            state = advance(drive, drive.bristles(), state, push, jnp.asarray(1 / RATE), 1)
-            return (state, total + state.x**2), None
+    def gradient(factors, masses):
+        return jax.lax.map(
+            lambda one: jax.jvp(lambda f: misfit(f, masses), (factors,), (one,))[1], jnp.eye(parameters)
+        )
 
-        drive = Drive(1.0, friction)
-        zero = jnp.zeros(())
-        return jax.lax.scan(sample, (initial_state(drive, zero, zero, zero), zero), u)[0][1]
+    program = jax.jit(gradient).lower(jnp.ones(parameters), jnp.ones(drives)).compile()
+    return program.memory_analysis().temp_size_in_bytes
 
-    values = jnp.stack([getattr(TABLE_I.friction, name) for name in names])
-    used = [
-        jax.jit(jax.jacfwd(misfit)).lower(values, jnp.zeros(n)).compile().memory_analysis().temp_size_in_bytes
-        for n in (1000, 100_000)
-    ]
-    assert used[1] < used[0] + 1000
+
+def test_the_memory_of_a_derivative_is_flat_in_parameters_and_drives():
+    """One tangent after the other, one block of drives after the other; reverse mode would hold every step of all."""
+    assert _held(6, 256) < 1.05 * _held(1, 256)
+    assert _held(6, 1024) < 1.3 * _held(6, 256)
 
 
 def test_results_beyond_the_machine_are_refused_before_anything_runs():

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -27,21 +28,16 @@ def build(lanes: int = 64) -> ctypes.CDLL:
     folder = Path(tempfile.mkdtemp())
     compiled, library = folder / "lugre.o", folder / "lugre.so"
     flags = ["-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", f"-DLANES={lanes}"]
-    for width in (["-mprefer-vector-width=512"], []):  # a compiler for another processor does not know it
-        _call(done := _gcc(*flags, *width, "-c", str(source), "-o", str(compiled)), fatal=not width)
-        if not done.returncode:
-            break
+    width = ["-mprefer-vector-width=512"] if platform.machine() in ("x86_64", "AMD64") else []
+    _gcc(*flags, *width, "-c", str(source), "-o", str(compiled))
     # Linked without -ffast-math: with it, loading the library would flush small numbers to zero in all of the process.
-    _call(_gcc("-shared", "-fopenmp", str(compiled), "-o", str(library), "-lm"), fatal=True)
+    _gcc("-shared", "-fopenmp", str(compiled), "-o", str(library), "-lm")
     return ctypes.CDLL(str(library))
 
 
-def _gcc(*arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run(["gcc", *arguments], capture_output=True, text=True, check=False)
-
-
-def _call(done: subprocess.CompletedProcess, *, fatal: bool) -> None:
-    if done.returncode and fatal:
+def _gcc(*arguments: str) -> None:
+    done = subprocess.run(["gcc", *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
         raise RuntimeError(f"gcc could not build the C loop: {done.stderr.strip()}")
 
 

@@ -7,7 +7,7 @@ import jax
 
 from frictionjax.core.errors import FrictionjaxWarning
 
-_LOOPS = {
+LOOPS = {
     # A loop whose arrays are small is compiled whole; left alone, each of its operations is a call of its own, which
     # costs a scalar simulation ten times its arithmetic.
     "xla_cpu_small_while_loop_byte_threshold": "1000000",
@@ -16,6 +16,7 @@ _LOOPS = {
     # Without this the two above would copy every stored array whole at each step.
     "xla_cpu_flatten_after_fusion": "true",
 }
+"""Options of XLA's CPU compiler, by name; `python -m benchmarks flags` prints what each does."""
 _WIDTH = "--xla_cpu_prefer_vector_width=512"
 _EXTRA = "--xla_backend_extra_options="
 
@@ -28,7 +29,7 @@ def _with_our_flags(flags: str) -> str:
     theirs = next((word for word in words if word.startswith(_EXTRA)), _EXTRA)
     options = [option for option in theirs.removeprefix(_EXTRA).split(",") if option]
     named = {option.split("=")[0] for option in options}
-    options += [f"{name}={value}" for name, value in _LOOPS.items() if name not in named]
+    options += [f"{name}={value}" for name, value in LOOPS.items() if name not in named]
     return " ".join([word for word in words if not word.startswith(_EXTRA)] + [_EXTRA + ",".join(options)])
 
 

@@ -50,10 +50,9 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps):
         return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden)[0]
 
     _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0), drive.applied_force(u, dt))
-    x, v, z = run.x, run.v, run.z
     # Once the run is there: side by side, where one after the other would hold up the loop.
     friction = jax.vmap(friction_of)(run)
-    return Trajectory(jnp.arange(u.shape[0], dtype=u.dtype) * dt, x, v, z, friction, substeps)
+    return Trajectory(jnp.arange(u.shape[0], dtype=u.dtype) * dt, run.x, run.v, run.z, friction, substeps)
 
 
 def simulate(
@@ -78,9 +77,9 @@ def simulate(
     - `u`: input, shape `(n,)`, input units.
     - `sample_rate`: samples per second.
     - `x0`, `v0`, `z0`: position, velocity and bristle deflection at the first sample.
-    - `substeps`: steps per sample; at 2 kHz 1 biases sigma2 and vs of a fit by some 10 %, 2 by 1 to 3 %,
-        4 by less than 1 % (`python -m benchmarks accuracy`). `"auto"`: doubled
-        until the largest error of the position, estimated from the last doubling, is below `tolerance`.
+    - `substeps`: steps per sample. In a fit at 2 kHz, 1 biases vs by 17 %, 2 by 3 % and 4 by less than 1 %
+        (`python -m benchmarks accuracy`). `"auto"`: doubled until the largest error of the position, estimated from
+        the last doubling, is below `tolerance`.
     - `encoder_step`: quantum of the position sensor, position units; a tenth of it is the default of `tolerance`.
     - `tolerance`: admissible error of the position, position units.
 
