@@ -11,12 +11,13 @@ REPOSITORY = Path(__file__).parents[1]
 PACKAGE = REPOSITORY / "frictionjax"
 
 STEPS = ["core", "physics", "recordings", "excitation", "simulation", "frequency"]
-STEPS += ["estimation", "diagnosis", "studies", "report", "api"]
+STEPS += ["estimation", "information", "exchange", "diagnosis", "studies", "report", "api"]
 MAY_IMPORT = {unit: set(STEPS[:place]) for place, unit in enumerate(STEPS)} | {
     "recordings": {"core"},
     "excitation": {"core"},
     "simulation": {"core", "physics", "recordings", "excitation"},
     "frequency": {"core", "recordings", "excitation"},
+    "exchange": {"core", "physics", "recordings", "simulation", "estimation"},
     "demo": {"core"},
     "cli": {*STEPS, "demo"},
     "__main__": {"cli"},

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from frictionjax.core import InputError, PrecisionError
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.exchange import fit_from_json, fit_to_json, load_fit, save_fit
-from frictionjax.estimation.exchange_table import fields_of
 from frictionjax.estimation.fit import finish, make_problem
+from frictionjax.exchange.fit_file import fit_from_json, fit_to_json, load_fit, save_fit
+from frictionjax.exchange.table import fields_of
 from frictionjax.physics import Drive, LuGre
 
 UNITS = {"force": "µN*m", "position": "rad", "input": "V"}

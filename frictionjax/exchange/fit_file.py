@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Estimate, InputError, require_x64
-from frictionjax.estimation.exchange_table import AGAIN, FRICTION, Table, drive_of, fields_of, problem_of
 from frictionjax.estimation.fit import FitResult
+from frictionjax.exchange.table import AGAIN, FRICTION, Table, drive_of, fields_of, problem_of
 from frictionjax.physics import Drive
 from frictionjax.recordings.words import require_file, shown
 

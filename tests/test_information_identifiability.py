@@ -6,8 +6,8 @@ from helpers_information import BREAK_AWAY, PRESLIDING, RATE, SLIDING, plan
 from helpers_plants import PLANTS, ROTARY, TABLE_I
 
 from frictionjax.core import InputError
-from frictionjax.estimation.identifiability import identifiability, information_of
-from frictionjax.estimation.information import Information, fisher_information
+from frictionjax.information.fisher import Information, fisher_information
+from frictionjax.information.identifiability import identifiability, information_of
 
 SUM = "sigma1 and sigma2 are held only as a sum"
 

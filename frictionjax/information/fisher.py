@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real
-from frictionjax.estimation.planned import (
+from frictionjax.information.planned import (
     Numbers,
     for_each,
     inputs_of,

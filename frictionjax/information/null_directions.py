@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from frictionjax.estimation.information import Information, bounded, inverse_information
-from frictionjax.estimation.planned import MOTOR
+from frictionjax.information.fisher import Information, bounded, inverse_information
+from frictionjax.information.planned import MOTOR
 
 _SLOW = "slow moves through break-away, such as a ramp of the force to twice the static friction"
 _SMALL = "noise or slow loops below break-away"

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError
-from frictionjax.estimation.information import Information, inverse_information, scaled_to_ones
-from frictionjax.estimation.null_directions import NullSearch
-from frictionjax.estimation.planned import MOTOR
+from frictionjax.information.fisher import Information, inverse_information, scaled_to_ones
+from frictionjax.information.null_directions import NullSearch
+from frictionjax.information.planned import MOTOR
 
 _PART = 1e-4  # of its largest component: smaller ones are rounding
 

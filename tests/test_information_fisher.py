@@ -8,8 +8,8 @@ from helpers_information import PRESLIDING, RATE, SLIDING, N, plan
 from helpers_plants import PLANTS, ROTARY, TABLE_I, effect
 
 from frictionjax.core import InputError
-from frictionjax.estimation import information
-from frictionjax.estimation.information import fisher_information, inverse_information
+from frictionjax.information import fisher
+from frictionjax.information.fisher import fisher_information, inverse_information
 from frictionjax.simulation import simulate
 
 NAMES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
@@ -138,7 +138,7 @@ def test_a_known_deflection_at_the_start_may_be_given():
 
 def test_other_numbers_compile_nothing():
     inputs, v0, noise = plan(ROTARY)
-    programs = information._information._cached  # the function below equinox's wrapper
+    programs = fisher._information._cached  # the function below equinox's wrapper
     fisher_information(ROTARY, inputs, RATE, noise, v0=v0)
     before = programs._cache_size()
     other, v0, noise = plan(TABLE_I)

@@ -10,7 +10,7 @@ import pytest
 from helpers_plants import FORMS, PLANTS, ROTARY, STAGE, effect
 
 from frictionjax.core import InputError
-from frictionjax.estimation.mujoco import mujoco_joint
+from frictionjax.exchange.mujoco import mujoco_joint
 from frictionjax.simulation import simulate
 
 KIND = {"table_i": "slide", "rotary": "hinge", "stage": "slide"}

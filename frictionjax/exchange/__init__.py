@@ -1,0 +1,6 @@
+"""Results that travel: fits as JSON files, drives for MuJoCo."""
+
+from frictionjax.exchange.fit_file import load_fit as load_fit
+from frictionjax.exchange.fit_file import save_fit as save_fit
+from frictionjax.exchange.mujoco import MujocoJoint as MujocoJoint
+from frictionjax.exchange.mujoco import mujoco_joint as mujoco_joint
