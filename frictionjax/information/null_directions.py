@@ -29,6 +29,7 @@ _REASONS = {
 _OTHER = "an experiment that excites it above the noise"
 _BALANCE = 0.1  # of sigma1 against sigma2: what their sum may change by when it is the sum that is held
 _PART = 0.05  # of its largest component: smaller ones are left out of the words on a direction
+_ROUNDING = 1e-13  # of a quadratic form, over the sum of its terms' sizes
 _LARGEST = 3  # parameters in a group that is looked for; larger ones come from the inverse
 
 
@@ -70,7 +71,9 @@ class NullSearch:
     def is_null(self, direction: np.ndarray) -> bool:
         """Whether the data do not see a change by 1 of the largest component of `direction`."""
         c = direction / np.max(np.abs(direction))
-        return bool(c @ self.matrix @ c < 1.0)
+        # Terms of 1e15 cancel along an exact invariance: what they leave is their rounding.
+        lost = _ROUNDING * float(np.abs(c) @ np.abs(self.matrix) @ np.abs(c))
+        return bool(c @ self.matrix @ c < 1.0 + lost)
 
     def known_directions(self) -> None:
         """All forces in one ratio; sigma1 and sigma2 in one sum."""
