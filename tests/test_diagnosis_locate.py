@@ -9,9 +9,10 @@ from scipy.signal import lfilter
 
 from frictionjax.diagnosis.judge import make_scene
 from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
-from frictionjax.diagnosis.scales import plant_scales, wavelengths
 from frictionjax.diagnosis.verdict import MismatchBin
+from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.recordings import Plant, Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 

@@ -21,10 +21,10 @@ from scipy.stats import binom
 
 from frictionjax.diagnosis.name import _score_test, forms_to_try, try_effect
 from frictionjax.diagnosis.refit import short_list
-from frictionjax.diagnosis.scales import plant_scales
 from frictionjax.diagnosis.select import effect_p_values, present_model
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.fit import descend, make_problem
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 
 PERIODS = {"odd_period": (0.01, 0.02), "even_period": (0.03,)}

@@ -19,11 +19,11 @@ from helpers_plants import effect
 
 from frictionjax.core import PrecisionError
 from frictionjax.core.compile_time import CompileClock
-from frictionjax.diagnosis.scales import plant_scales
 from frictionjax.estimation import fit, starting_values
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.fit import finish, make_problem
 from frictionjax.estimation.parameters import effect_layout, pack
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.deflection import fit_deflections
-from frictionjax.estimation.fit import SLOW_BANDWIDTH
+from frictionjax.estimation.problem import SLOW_BANDWIDTH
 from frictionjax.estimation.residuals import block_power
 from frictionjax.estimation.uncertainty import CLUSTER_BLOCKS
 from frictionjax.physics import Drive

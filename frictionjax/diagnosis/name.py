@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
-from frictionjax.estimation.fit import Problem, extend_problem
+from frictionjax.estimation.problem import Problem, extend_problem
 from frictionjax.estimation.residuals import block_power, weights
 from frictionjax.estimation.uncertainty import cluster_gradients
 from frictionjax.physics import Drive

@@ -23,7 +23,7 @@ from frictionjax.diagnosis.select import (
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained, Verdict
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.batch import least_samples, make_batch
-from frictionjax.estimation.fit import FitResult, finish, fit
+from frictionjax.estimation.observer_fit import ObserverFit, finish, observer_fit
 from frictionjax.estimation.start import starting_values
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case, Plant
@@ -91,7 +91,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
     )
     clock.stage("start")
-    base = fit(
+    base = observer_fit(
         start.drives,
         case.fit_recordings,
         encoder_step=plant.encoder_step,
@@ -166,7 +166,7 @@ class _Stages:
         return time.perf_counter() - self._start
 
 
-def _map(first: Judgement, last: Judgement, seen: View, base: FitResult, plant: Plant, scene: Scene):
+def _map(first: Judgement, last: Judgement, seen: View, base: ObserverFit, plant: Plant, scene: Scene):
     motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
     return mismatch_map(first, last, axes_of(motion, base.drive, plant, scene), scene)
 
@@ -265,7 +265,7 @@ def _unit(pattern: str, units: dict[str, str]) -> str:
     return pattern
 
 
-def _warnings(case: Case, base: FitResult, notes: tuple[str, ...]) -> tuple[str, ...]:
+def _warnings(case: Case, base: ObserverFit, notes: tuple[str, ...]) -> tuple[str, ...]:
     warnings = [f"{r.name}: {text}" for r in case.recordings for text in r.warnings]
     warnings += list(notes)
     vague = [name for name, estimate in base.parameters.items() if not estimate.identified]

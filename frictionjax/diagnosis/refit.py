@@ -5,7 +5,8 @@ from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.judge import Judgement, Scene, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
-from frictionjax.estimation.fit import SLOW_BANDWIDTH, Problem, descend
+from frictionjax.estimation.observer_fit import descend
+from frictionjax.estimation.problem import SLOW_BANDWIDTH, Problem
 
 _LEFT = 0.5  # part of the present misfit: a refit that leaves more of it gets a second start
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted

@@ -11,9 +11,11 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.judge import Judgement, Scene, advantage, explained, judge
 from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
 from frictionjax.diagnosis.refit import Refitted, polish, refit, rejudged, short_list
-from frictionjax.diagnosis.scales import plant_scales, wavelengths
-from frictionjax.estimation.fit import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem, descend
+from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.least_squares import jacobian_of
+from frictionjax.estimation.observer_fit import descend
+from frictionjax.estimation.problem import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
 ADEQUATE_MISFIT = 0.01

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
@@ -33,14 +33,17 @@ _WIDEST = 1e4
 
 class Free(eqx.Module):
     """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `label` (the parameter's
-    own name, with that of its effect before it where another parameter has the same), its `scale`, and the `upper`
-    bound of its value. The last two are numbers of the case, and arrays: a new case compiles nothing anew."""
+    own name, with that of its effect before it where another parameter has the same), its `scale`, the `upper` bound
+    of its value, and `least` and `most`, the user's own bounds. The last four are numbers of the case, and arrays: a
+    new case compiles nothing anew."""
 
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
     label: str = eqx.field(static=True)
     scale: Float[Array, ""] = eqx.field(converter=real, default=1.0)
     upper: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
+    least: Float[Array, ""] = eqx.field(converter=real, default=-jnp.inf)
+    most: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
 
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
@@ -88,13 +91,15 @@ def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> 
     return tuple(layout)
 
 
-def _getter(path: str) -> Callable:
-    def get(tree):
-        for part in path.split("."):
-            tree = tree[int(part)] if part.isdigit() else getattr(tree, part)
-        return tree
+def part_of(tree: PyTree, path: str) -> PyTree:
+    """The part of the Module `tree` at the dotted `path`, such as `effects.0.load`."""
+    for part in path.split("."):
+        tree = tree[int(part)] if part.isdigit() else getattr(tree, part)
+    return tree
 
-    return get
+
+def _getter(path: str) -> Callable:
+    return lambda tree: part_of(tree, path)
 
 
 def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
@@ -141,9 +146,10 @@ def unpack(
                 value = known["J"] * value
             elif free.path == "friction.sigma1":
                 value = value * 2.0 * jnp.sqrt(known["friction.sigma0"] * known["J"])
-            known[free.path] = value
         else:
             value = coordinate * free.scale
+        value = jnp.clip(value, free.least, free.most)
+        known[free.path] = value
         values.append(value)
     return eqx.tree_at(lambda d: [get(d) for get in getters], drive, values)
 

@@ -13,6 +13,10 @@ from frictionjax.recordings import Recording
 WINDOWS = (0.025, 0.008, 0.003)
 
 
+_BOTH = 0.05  # share of the sliding samples that must go the other way
+_FAR = 0.03  # of the longest way between two reversals: a shorter one is vibration
+
+
 class SlidingMotion(eqx.Module):
     """Smoothed motion of one recording, shape `(n,)`: `x`, `v`, `a` and the motor force `force`."""
 
@@ -55,8 +59,17 @@ def smooth_motion(recording: Recording, motor_constant: float, seconds: float = 
     return SlidingMotion(x, v, a, motor_constant * np.asarray(savgol_filter(held, window, 3)))
 
 
+def _ways(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
+    """For each sample the distance between the reversals before and after it."""
+    ends = np.flatnonzero(np.diff(np.sign(motion.v)) != 0.0) + 1
+    edges = np.concatenate([[0], ends, [motion.x.size]])
+    marks = motion.x[np.minimum(edges, motion.x.size - 1)]
+    return np.repeat(np.abs(np.diff(marks)), np.diff(edges))
+
+
 def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = None) -> SlidingFit:
-    """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed.
+    """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, on the way from one
+    reversal to the next if that way is not short: vibration in stick may be fast too.
 
     **Arguments:**
 
@@ -64,11 +77,18 @@ def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = N
     - `inertia`: known inertia, or None.
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
+    ways = [_ways(m) for m in motions]
+    shortest = _FAR * max(float(np.max(way)) for way in ways)
+    slides = [
+        (np.abs(m.v) > 0.05 * top_speed) & (way > shortest) for m, way in zip(motions, ways, strict=True)
+    ]
     v, a, force = (
-        np.concatenate([getattr(m, name)[np.abs(m.v) > 0.05 * top_speed] for m in motions])
+        np.concatenate([getattr(m, name)[own] for m, own in zip(motions, slides, strict=True)])
         for name in ("v", "a", "force")
     )
-    columns = [np.sign(v), v, np.ones_like(v)]
+    # Motion to one side cannot tell Coulomb friction from a constant force.
+    both = min(np.mean(v > 0.0), np.mean(v < 0.0)) > _BOTH
+    columns = [np.sign(v), v, np.ones_like(v) if both else np.zeros_like(v)]
     target = force
     if inertia is None:
         columns.insert(0, a)

@@ -1,5 +1,7 @@
 """Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -62,24 +64,29 @@ def estimates(
     covariance: np.ndarray,
     units: dict[str, str],
 ) -> dict[str, Estimate]:
-    """Physical values with standard errors by the delta method; label -> `Estimate`.
-
-    A parameter whose standard error exceeds half its value (or which leans on the weak prior) is not identified.
-    """
+    """Physical values with standard errors by the delta method; label -> `Estimate`."""
     count = len(layout)
     values, jacobian = physical(layout, setting.drive, vector[:count], setting.start[:count])
     if np.all(np.isfinite(covariance)):
         spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
     else:
         spread = np.full(count, np.inf)
-    result = {}
-    for free, value, stderr in zip(layout, values, spread, strict=True):
-        positive = free.parameter.transform == "log"
-        # A parameter at the end of its range has no slope left: a standard error of zero is no knowledge.
-        identified = bool(0.0 < stderr < np.inf) and (not positive or bool(stderr < 0.5 * abs(value)))
-        unit = free.parameter.unit
-        for name, text in units.items():
-            unit = unit.replace("{" + name + "}", text)
-        known = float(stderr) if stderr > 0.0 else float("inf")
-        result[free.label] = Estimate(float(value), known, unit, identified)
-    return result
+    return {
+        free.label: estimate_of(free, value, stderr, units)
+        for free, value, stderr in zip(layout, values, spread, strict=True)
+    }
+
+
+def estimate_of(free: Free, value: float, stderr: float, units: Mapping[str, str]) -> Estimate:
+    """The parameter `free` with its `value` and standard error `stderr`, in terms of the names in `units`.
+
+    One whose standard error exceeds half its value (or which leans on the weak prior) is not identified.
+    """
+    positive = free.parameter.transform == "log"
+    # A parameter at the end of its range has no slope left: a standard error of zero is no knowledge.
+    identified = bool(0.0 < stderr < np.inf) and (not positive or bool(stderr < 0.5 * abs(value)))
+    unit = free.parameter.unit
+    for name, text in units.items():
+        unit = unit.replace("{" + name + "}", text)
+    known = float(stderr) if stderr > 0.0 else float("inf")
+    return Estimate(float(value), known, unit, identified)

@@ -7,7 +7,8 @@ For positions measured with white noise of standard deviation s, and a free run 
 with q the logarithms of positive parameters, and strengths of effects in their own units. S is made in forward mode.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,12 +18,13 @@ from jaxtyping import Array, Bool, Float
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real
+from frictionjax.estimation.parameters import Free
 from frictionjax.information.planned import (
     Numbers,
-    for_each,
-    inputs_of,
+    Plan,
     layout_of,
     part_of,
+    plan_of,
     scale_of,
     values_of,
 )
@@ -32,7 +34,8 @@ from frictionjax.simulation import simulate
 # Directions this much weaker than their parameters alone are lost in the rounding of the matrix: their variance
 # stands for infinity.
 _ROUNDING, _UNBOUNDED, _LEAK = 1e-13, 1e20, 1e-6
-_PRIOR = 3.0  # standard deviation of the weak prior, as that of `fit`
+PRIOR = 3.0
+"""Standard deviation of the weak prior, in units of a large step of each coordinate, as that of `fit`."""
 _NOTHING = 1e-15  # sensitivity, over the noise, of a parameter of which nothing is to be seen
 
 
@@ -66,7 +69,7 @@ def bounded(matrix: Float[np.ndarray, "p p"]) -> tuple[Float[np.ndarray, "p p"],
     others along that are held.
     """
     alone = np.diag(matrix) < 1.0
-    return matrix + np.diag(np.where(alone, _PRIOR**-2, 0.0)), alone
+    return matrix + np.diag(np.where(alone, PRIOR**-2, 0.0)), alone
 
 
 class Information(eqx.Module):
@@ -168,29 +171,44 @@ def fisher_information(
     positive parameter is not positive, the run overflows, or no parameter changes any position.
     """
     require_x64()
-    plans = inputs_of(inputs)
-    count = len(plans)
-    rates = for_each("sample_rate", sample_rate, count, positive=True)
-    noises = for_each("noise", noise, count, positive=True)
-    given = {"x0": x0, "v0": v0} | ({} if z0 is None else {"z0": z0})
-    starts = [for_each(name, value, count) for name, value in given.items()]
+    plan = plan_of(inputs, sample_rate, noise, x0=x0, v0=v0, z0=z0, substeps=substeps)
     layout = layout_of(drive, free)
-    values = values_of(layout, drive)
-    parts, strokes = [], []
-    for index, u in enumerate(plans):
-        start = tuple(real(numbers[index]) for numbers in starts)
-        found, stroke = _information(
-            layout, drive, real(u), 1.0 / real(rates[index]), real(noises[index]), start, int(substeps)
-        )
-        if not np.all(np.isfinite(found)):
-            cure = (
-                "Raise `sample_rate` or `substeps`, or check the units of `drive`, the input and the start."
-            )
-            raise InputError(
-                f"the sensitivities of experiment {index} are not finite", place="`inputs`", cure=cure
-            )
-        parts.append(np.asarray(found))
-        strokes.append(float(stroke))
+    values_of(layout, drive)
+    return assembled(layout, drive, plan, list(planned_records(layout, drive, plan)))
+
+
+class PlannedRecord(NamedTuple):
+    """What one record of a plan tells: its information `matrix`, shape `(p, p)`; `root`, with `root' root` that matrix,
+    to twice the digits; the `stroke`, and the largest |x| and |v| of the run (`peak_x`, `peak_v`)."""
+
+    matrix: Float[np.ndarray, "p p"]
+    root: Float[np.ndarray, "p p"]
+    stroke: float
+    peak_x: float
+    peak_v: float
+
+    def finite(self, label: str) -> "PlannedRecord":
+        """This record, unless its run overflows; `label` names it in the error."""
+        if np.all(np.isfinite(self.root)) and np.all(np.isfinite(self.matrix)):
+            return self
+        cure = "Raise `sample_rate` or `substeps`, or check the units of `drive`, the input and the start."
+        raise InputError(f"the sensitivities of {label} are not finite", place="`inputs`", cure=cure)
+
+
+def planned_records(layout: tuple[Free, ...], drive: Drive, plan: Plan) -> Iterator[PlannedRecord]:
+    """The records of `plan` on `drive`, one after the other, about the parameters of `layout`; some may overflow."""
+    for index, u in enumerate(plan.inputs):
+        dt, noise = 1.0 / real(plan.rates[index]), real(plan.noises[index])
+        found = _information(layout, drive, real(u), dt, noise, plan.starts[index], plan.substeps)
+        matrix, root, *peaks = (np.asarray(part) for part in found)
+        yield PlannedRecord(matrix, root, *(float(peak) for peak in peaks))
+
+
+def assembled(
+    layout: tuple[Free, ...], drive: Drive, plan: Plan, records: Sequence[PlannedRecord]
+) -> Information:
+    """The `Information` of all `records` of `plan` on `drive`, about the parameters of `layout`."""
+    parts = [one.finite(label).matrix for one, label in zip(records, plan.labels, strict=True)]
     if not np.any(parts):
         raise InputError(
             "no parameter changes any position: nothing moves in these experiments",
@@ -201,28 +219,58 @@ def fisher_information(
         names=tuple(one.label for one in layout),
         units=tuple(one.parameter.unit for one in layout),
         logs=tuple(one.parameter.transform == "log" for one in layout),
-        values=values,
-        scale=scale_of(layout, drive, max(strokes), 1.0 / max(rates)),
+        values=values_of(layout, drive),
+        scale=scale_of(layout, drive, max(one.stroke for one in records), 1.0 / max(plan.rates)),
         parts=np.stack(parts),
     )
 
 
-@eqx.filter_jit
-def _information(layout, drive, u, dt, noise, start, substeps):
+def sensitivities(
+    layout: tuple[Free, ...],
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: float,
+    start: tuple[Float[Array, ""], ...],
+    substeps: int,
+    q: Float[Array, " p"] | None = None,
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, "p n"]]:
+    """Positions and velocities of a free run, shape `(n,)`, and dx/dq, shape `(p, n)`; to be called inside `jit`.
+
+    **Arguments:**
+
+    - `layout`: the `p` free parameters.
+    - `drive`: the values that stand for q = 0.
+    - `u`: the input, shape `(n,)`, input units, held for `dt` s each.
+    - `start`: x0, v0 and, if known, z0.
+    - `substeps`: steps per sample.
+    - `q`: logarithms of positive parameters over their values, changes of strengths, shape `(p,)`; None: zero.
+    """
     logs = np.asarray([one.parameter.transform == "log" for one in layout])
-    centre = jnp.stack([part_of(drive, one.path) for one in layout])
+    centre = jnp.stack([real(part_of(drive, one.path)) for one in layout])
+    q = jnp.zeros(len(layout)) if q is None else q
 
     def run(q):
         moved = jnp.where(logs, centre * jnp.exp(jnp.where(logs, q, 0.0)), centre + q)
         machine = eqx.tree_at(lambda d: [part_of(d, one.path) for one in layout], drive, list(moved))
         x0, v0, *known = start
         z0 = known[0] if known else jnp.sign(v0) * machine.level(x0, v0) / machine.friction.sigma0
-        return simulate(machine, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=substeps).x
+        found = simulate(machine, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=substeps)
+        return found.x, found.v
 
     def along(tangent):
-        return jax.jvp(run, (jnp.zeros(len(layout)),), (tangent,))
+        x, change, v = jax.jvp(run, (q,), (tangent,), has_aux=True)
+        return x, v, change
 
     # Forward mode, all columns side by side: `linearize` would store every coefficient of the run.
-    x, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(len(layout)))
+    return jax.vmap(along, out_axes=(None, None, 0))(jnp.eye(len(layout)))
+
+
+@eqx.filter_jit
+def _information(layout, drive, u, dt, noise, start, substeps):
+    x, v, columns = sensitivities(layout, drive, u, dt, start, substeps)
     columns = columns / noise
-    return columns @ columns.T, jnp.max(x) - jnp.min(x)
+    # The triangle of a QR keeps what squaring rounds away, and needs as many rows as columns.
+    rows = jnp.concatenate([columns.T, jnp.zeros((len(layout), len(layout)))])
+    root = jnp.linalg.qr(rows, mode="r")
+    stroke = jnp.max(x) - jnp.min(x)
+    return columns @ columns.T, root, stroke, jnp.max(jnp.abs(x)), jnp.max(jnp.abs(v))

@@ -3,10 +3,12 @@
 from collections import defaultdict
 from collections.abc import Sequence
 
+import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from frictionjax.core import InputError, Parameter
+from frictionjax.core.safe import real
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout
 from frictionjax.physics import Drive
 
@@ -39,12 +41,7 @@ def scale_of(layout: tuple[Free, ...], drive: Drive, stroke: float, dt: float) -
 def layout_of(drive: Drive, free: Sequence[str] | None) -> tuple[Free, ...]:
     """The parameters of `drive` named by `free` (None: J, friction, strengths), without numbers of the case: those
     would be compiled in."""
-    known = (
-        *base_layout(drive, 1.0),
-        *effect_layout(drive, defaultdict(float)),
-        Free("motor_constant", MOTOR, MOTOR.name),
-    )
-    known = {one.label: Free(one.path, one.parameter, one.label) for one in known}
+    known = _all_of(drive)
     if free is None:
         own = {f"effects.{i}.{p.name}" for i, effect in enumerate(drive.effects) for p in effect.strengths}
         own |= {"J", *(f"friction.{p.name}" for p in drive.friction.parameters)}
@@ -55,6 +52,20 @@ def layout_of(drive: Drive, free: Sequence[str] | None) -> tuple[Free, ...]:
         problem = f"no parameter is called {', '.join(wrong)}" if wrong else "it names none, or one twice"
         raise InputError(problem, place="`free`", cure=f"Name some of {', '.join(known)}, each once.")
     return tuple(known[name] for name in free)
+
+
+def _all_of(drive: Drive) -> dict[str, Free]:
+    known = (
+        *base_layout(drive, 1.0),
+        *effect_layout(drive, defaultdict(float)),
+        Free("motor_constant", MOTOR, MOTOR.name),
+    )
+    return {one.label: Free(one.path, one.parameter, one.label) for one in known}
+
+
+def names_of(drive: Drive) -> tuple[str, ...]:
+    """Names of all parameters of `drive` that may be free."""
+    return tuple(_all_of(drive))
 
 
 def values_of(layout: tuple[Free, ...], drive: Drive) -> Float[np.ndarray, " p"]:
@@ -71,16 +82,73 @@ def values_of(layout: tuple[Free, ...], drive: Drive) -> Float[np.ndarray, " p"]
     return np.asarray(arrays, dtype=float)
 
 
-def inputs_of(inputs) -> list[Float[np.ndarray, " n"]]:
-    """One or several `inputs` as a list of finite arrays of shape `(n,)`, input units."""
+class Plan(eqx.Module):
+    """Records that are to be made, checked; lists have one entry for each.
+
+    **Attributes:** `labels` (what errors call them), `inputs` (shape `(n,)`, input units), `rates` (samples per
+    second), `noises` (position units), `starts` (x0, v0 and, if known, z0, as arrays), `substeps` (steps per sample).
+    """
+
+    labels: list[str]
+    inputs: list[Float[np.ndarray, " n"]]
+    rates: list[float]
+    noises: list[float]
+    starts: list[tuple[Float[Array, ""], ...]]
+    substeps: int
+
+    def of(self, places: Sequence[int]) -> "Plan":
+        """The records at these `places` only."""
+        return Plan(
+            labels=[self.labels[i] for i in places],
+            inputs=[self.inputs[i] for i in places],
+            rates=[self.rates[i] for i in places],
+            noises=[self.noises[i] for i in places],
+            starts=[self.starts[i] for i in places],
+            substeps=self.substeps,
+        )
+
+
+def plan_of(
+    inputs,
+    sample_rate: Numbers,
+    noise: Numbers,
+    *,
+    x0: Numbers,
+    v0: Numbers,
+    z0: Numbers | None,
+    substeps: int,
+    labels: Sequence[str] | None = None,
+) -> Plan:
+    """The `Plan` of one or several `inputs`, called `labels`; the other arguments are those of `fisher_information`."""
+    plans = inputs_of(inputs, labels)
+    count = len(plans)
+    rates = for_each("sample_rate", sample_rate, count, positive=True)
+    noises = for_each("noise", noise, count, positive=True)
+    if isinstance(substeps, str) or substeps != int(substeps) or substeps < 1:
+        raise InputError(f"it is {substeps}", place="`substeps`", cure="Give a whole number, 2 or more.")
+    given = {"x0": x0, "v0": v0} | ({} if z0 is None else {"z0": z0})
+    starts = [for_each(name, value, count) for name, value in given.items()]
+    return Plan(
+        labels=[f"experiment {index}" for index in range(count)] if labels is None else list(labels),
+        inputs=plans,
+        rates=rates,
+        noises=noises,
+        starts=[tuple(real(number) for number in one) for one in zip(*starts, strict=True)],
+        substeps=int(substeps),
+    )
+
+
+def inputs_of(inputs, labels: Sequence[str] | None = None) -> list[Float[np.ndarray, " n"]]:
+    """One or several `inputs`, called `labels` in errors, as a list of finite arrays of shape `(n,)`, input units."""
     single = hasattr(inputs, "ndim") and inputs.ndim == 1
     plans = [np.asarray(u, dtype=float) for u in ([inputs] if single else inputs)]
     if not plans:
         raise InputError("no experiment is planned", place="`inputs`", cure="Give at least one input.")
     for index, u in enumerate(plans):
         if u.ndim != 1 or u.size < 2 or not np.all(np.isfinite(u)):
+            which = f"experiment {index}" if labels is None else labels[index]
             raise InputError(
-                f"experiment {index} has shape {u.shape}, or numbers that are not finite",
+                f"{which} has shape {u.shape}, or numbers that are not finite",
                 place="`inputs`",
                 cure="Give each experiment one finite array of shape (n,), n at least 2.",
             )

@@ -5,6 +5,7 @@ from frictionjax.simulation.disturbance import residual_force as residual_force
 from frictionjax.simulation.disturbance import residual_force_std as residual_force_std
 from frictionjax.simulation.fixed import Trajectory as Trajectory
 from frictionjax.simulation.fixed import simulate as simulate
+from frictionjax.simulation.imposed import simulate_imposed as simulate_imposed
 from frictionjax.simulation.observer import Gains as Gains
 from frictionjax.simulation.observer import Observed as Observed
 from frictionjax.simulation.observer import innovation_gain as innovation_gain

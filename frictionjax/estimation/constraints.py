@@ -1,0 +1,174 @@
+"""Which parameters are free, fixed or tied, within which bounds, and what is known of them beforehand."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NoReturn
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.core import InputError, Parameter
+from frictionjax.core.safe import real
+from frictionjax.estimation.parameters import Free, base_layout, effect_layout, part_of
+from frictionjax.physics import Drive
+
+MOTOR = Parameter("motor_constant", "{force}/{input}", "force per input unit", "log")
+
+
+class Tie(eqx.Module):
+    """A parameter that follows another: `label` = `factor` times `source`.
+
+    **Attributes:** `path`, `source_path` (places in the `Drive`), `label`, `source`, `factor`.
+    """
+
+    path: str = eqx.field(static=True)
+    source_path: str = eqx.field(static=True)
+    label: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    factor: Float[Array, ""] = eqx.field(converter=real)
+
+
+class Belief(eqx.Module):
+    """What is known of a parameter before the fit: `mean` and standard deviation `std`, in its unit.
+
+    **Attributes:** `label`, `path` (place in the `Drive`), `mean`, `std`.
+    """
+
+    label: str = eqx.field(static=True)
+    path: str = eqx.field(static=True)
+    mean: Float[Array, ""] = eqx.field(converter=real)
+    std: Float[Array, ""] = eqx.field(converter=real)
+
+
+class Constraints(eqx.Module):
+    """The choices of a fit, resolved and checked.
+
+    **Attributes:** `layout` (free parameters), `ties`, `beliefs`.
+    """
+
+    layout: tuple[Free, ...]
+    ties: tuple[Tie, ...]
+    beliefs: tuple[Belief, ...]
+
+    def tied(self, drive: Drive) -> Drive:
+        """`drive` with its tied parameters set from those that they follow."""
+        for tie in self.ties:
+            value = tie.factor * part_of(drive, tie.source_path)
+            drive = eqx.tree_at(lambda d, path=tie.path: part_of(d, path), drive, value)
+        return drive
+
+
+def _fail(argument: str, problem: str, cure: str) -> NoReturn:
+    raise InputError(problem, place=f"`{argument}`", cure=cure)
+
+
+def resolve(
+    drive: Drive,
+    dt: float,
+    scales: Mapping[str, float],
+    *,
+    free: Sequence[str] | None,
+    fixed: Sequence[str],
+    ties: Mapping[str, tuple[str, float]],
+    bounds: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
+) -> Constraints:
+    """The choices of a fit of `drive` to samples of `dt` s, checked against each other; arguments as in `fit`.
+
+    **Raises:**
+
+    `InputError` for a name that is not a parameter, one that is asked to be two things at once, ties that lead in a
+    circle or against physics, bounds that are empty or that the start is outside of, and a prior without width.
+    """
+    layout = (*base_layout(drive, dt), Free("motor_constant", MOTOR, "motor_constant"))
+    layout += effect_layout(drive, dict(scales))
+    known = {one.label: one for one in layout}
+    asked = {"free": free or (), "fixed": fixed, "ties": ties, "bounds": bounds, "priors": priors}
+    for argument, names in asked.items():
+        for name in names:
+            if name not in known:
+                _fail(
+                    argument, f"`{name}` is not a parameter of this drive", f"Choose from {', '.join(known)}."
+                )
+    if free is None:
+        # Without a known motor constant every force is relative to it: it is free only when asked for by name.
+        free = [name for name in known if name != "motor_constant"]
+    chosen = [name for name in known if name in free and name not in fixed and name not in ties]
+    both = sorted(set(fixed) & set(ties))
+    if both:
+        _fail("ties", f"{', '.join(both)} would be both fixed and tied", "Take it out of one of the two.")
+    if not chosen:
+        _fail("free", "nothing is left to be found: every parameter is fixed or tied", "Free at least one.")
+    if "motor_constant" in chosen and "J" in chosen and not {"J", "motor_constant"} & set(priors):
+        _fail(
+            "free",
+            "J and motor_constant are held only as a ratio: all forces may be larger by one factor",
+            "Fix one of them, or give one of them a prior.",
+        )
+    bounds = dict(bounds)
+    if "Fc" in chosen and "Fs" not in (*chosen, *ties):
+        # Coulomb friction stays below a static friction that is fixed.
+        low, high = bounds.get("Fc", (0.0, math.inf))
+        bounds["Fc"] = (low, min(high, float(drive.friction.Fs)))
+    resolved = tuple(_with_bounds(known[name], bounds.get(name), drive) for name in chosen)
+    return Constraints(resolved, _ties(ties, known), _beliefs(priors, known))
+
+
+def _with_bounds(one: Free, bounds: tuple[float, float] | None, drive: Drive) -> Free:
+    if bounds is None:
+        return one
+    least, most = (float(end) for end in bounds)
+    if not least < most:
+        _fail(
+            "bounds", f"{one.label} would lie between {least:g} and {most:g}", "Give the lower bound first."
+        )
+    value = float(np.asarray(part_of(drive, one.path)))
+    if not least <= value <= most:
+        cure = f"Start it inside, or widen the bounds of {one.label}."
+        _fail("bounds", f"{one.label} starts at {value:g}, outside of {least:g} ... {most:g}", cure)
+    return eqx.tree_at(lambda f: (f.least, f.most), one, (real(least), real(most)))
+
+
+def _ties(ties: Mapping[str, tuple[str, float]], known: Mapping[str, Free]) -> tuple[Tie, ...]:
+    found = []
+    for name, (source, factor) in ties.items():
+        if source not in known:
+            _fail("ties", f"`{source}` is not a parameter of this drive", f"Choose from {', '.join(known)}.")
+        if source == name or source in ties:
+            _fail(
+                "ties",
+                f"{name} follows {source}, which is itself tied",
+                "Tie both to one parameter that is free or fixed.",
+            )
+        positive = known[name].parameter.transform == "log"
+        if not np.isfinite(factor) or (positive and not factor > 0.0):
+            _fail("ties", f"{name} would be {factor:g} times {source}", "Give a positive, finite factor.")
+        if ((name, source) == ("Fs", "Fc") and factor <= 1.0) or (
+            (name, source) == ("Fc", "Fs") and factor >= 1.0
+        ):
+            cure = "Static friction is above Coulomb friction: mend the factor."
+            _fail("ties", f"{name} = {factor:g} {source} contradicts Fs > Fc", cure)
+        found.append(Tie(known[name].path, known[source].path, name, source, factor))
+    return tuple(found)
+
+
+def _beliefs(priors: Mapping[str, tuple[float, float]], known: Mapping[str, Free]) -> tuple[Belief, ...]:
+    found = []
+    for name, (mean, std) in priors.items():
+        if not (np.isfinite(mean) and 0.0 < std < np.inf):
+            _fail(
+                "priors",
+                f"{name} has mean {mean:g} and standard deviation {std:g}",
+                "Give both, std positive.",
+            )
+        found.append(Belief(name, known[name].path, mean, std))
+    return tuple(found)
+
+
+def belief_residuals(beliefs: tuple[Belief, ...], drive: Drive) -> Float[Array, " k"]:
+    """(value - mean) / std of each of `beliefs` at `drive`, shape `(k,)`."""
+    if not beliefs:
+        return jnp.zeros(0)
+    return jnp.stack([(part_of(drive, one.path) - one.mean) / one.std for one in beliefs])

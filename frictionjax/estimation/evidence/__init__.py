@@ -1,0 +1,13 @@
+"""What was measured, one kind of data a file: positions, forces, frequency responses."""
+
+from frictionjax.estimation.evidence.base import AbstractEvidence as AbstractEvidence
+from frictionjax.estimation.evidence.forces import Forces as Forces
+from frictionjax.estimation.evidence.forces import make_forces as make_forces
+from frictionjax.estimation.evidence.observed import Observed as Observed
+from frictionjax.estimation.evidence.observed import observed as observed
+from frictionjax.estimation.evidence.positions import Noise as Noise
+from frictionjax.estimation.evidence.positions import Positions as Positions
+from frictionjax.estimation.evidence.positions import filtered as filtered
+from frictionjax.estimation.evidence.positions import scored_from_the_start as scored_from_the_start
+from frictionjax.estimation.evidence.response import Response as Response
+from frictionjax.estimation.evidence.response import make_response as make_response

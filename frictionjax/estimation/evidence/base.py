@@ -1,0 +1,32 @@
+"""Evidence: what was measured, as errors of a drive over their standard deviations. One kind of data a class."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Drive
+
+
+class AbstractEvidence(eqx.Module):
+    """One kind of data. Its errors stand in blocks, which a loss judges together."""
+
+    @property
+    @abstractmethod
+    def rows(self) -> int:
+        """Recordings with a starting deflection of their own: coordinates of the fit beside the parameters."""
+
+    @abstractmethod
+    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+        """Errors of `drive` over their standard deviations, 0 where not scored, shape `(b, n)`; `z0` is the starting
+        deflection of each row over Fs/sigma0."""
+
+    @property
+    @abstractmethod
+    def count(self) -> Float[Array, " b"]:
+        """Scored numbers in each block, shape `(b,)`."""
+
+    @property
+    @abstractmethod
+    def log_deviation(self) -> Float[Array, ""]:
+        """Sum of the logarithms of the standard deviations of all scored numbers."""

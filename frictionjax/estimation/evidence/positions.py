@@ -1,0 +1,151 @@
+"""Positions of a machine that is driven by a known force: prediction errors of a Kalman filter with given gains."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.evidence.base import AbstractEvidence
+from frictionjax.physics import Drive
+from frictionjax.simulation.kalman import kalman_filter, predicted_with
+
+_HEAD = 0.01  # s: what `make_batch` reads the first position and velocity from
+_WIDE = 3.0  # times the standard deviation of that reading: nearly no prior, so that no sample counts twice
+
+
+class Positions(AbstractEvidence):
+    """Recordings of position side by side, and the gains and standard deviations of their prediction errors.
+
+    The gains are numbers, found beforehand (`with_noise`) and not differentiated: what they depend on the parameters
+    meets errors of mean zero.
+
+    **Attributes:** `batch`; `gain`, shape `(r, n, m)`; `deviation` of the prediction errors, position units, shape
+    `(r, n)`; `substeps` per sample.
+    """
+
+    batch: Batch
+    gain: Float[Array, "r n m"]
+    deviation: Float[Array, "r n"]
+    substeps: int = eqx.field(static=True)
+
+    @property
+    def rows(self) -> int:
+        """Recordings."""
+        return self.batch.x.shape[0]
+
+    @property
+    def count(self) -> Float[Array, " b"]:
+        """Scored samples in each block, shape `(b,)`."""
+        return self.batch.block_count.ravel()
+
+    @property
+    def log_deviation(self) -> Float[Array, ""]:
+        """Sum of the logarithms of the standard deviations of all scored samples."""
+        return jnp.sum(self.batch.valid * jnp.log(self.deviation))
+
+    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+        """Prediction errors of `drive` over their standard deviations, shape `(b, n)`; `z0` over Fs/sigma0."""
+        batch = self.batch
+        deflection = z0 * drive.friction.Fs / drive.friction.sigma0
+
+        def one(u, x, dt, x0, v0, z, gain):
+            force = drive.applied_force(u, dt)
+            return predicted_with(drive, force, x, dt, gain, (x0, v0, z), substeps=self.substeps)
+
+        raw = jax.vmap(one)(batch.u, batch.x, batch.dt, batch.x0, batch.v0, deflection, self.gain)
+        return (raw / self.deviation * batch.valid).reshape(-1, batch.block)
+
+
+class Noise(eqx.Module):
+    """What stands between a recording and its model.
+
+    **Attributes:** `position`: standard deviation of the measured position; `push`: of the unmeasured force, held over
+    each sample; shape `(r,)`, position and force units. `best`: the ratio of the two where the likelihood, between
+    those that were tried, would have its top, shape `(r,)`.
+    """
+
+    position: Float[Array, " r"]
+    push: Float[Array, " r"]
+    best: Float[Array, " r"]
+
+
+def scored_from_the_start(batch: Batch) -> Batch:
+    """The same batch with every sample scored: a filter knows how little it knows at first."""
+    inside = np.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
+    return eqx.tree_at(lambda b: b.valid, batch, jnp.asarray(inside, dtype=float))
+
+
+def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Float[Array, ""]) -> Float[Array, ""]:
+    """Ratio at the vertex of the parabola (over its logarithm) through the `best` candidate and its neighbours."""
+    middle = jnp.clip(best, 1, ratios.shape[0] - 2)
+    places = middle + jnp.array([-1, 0, 1])
+    x, y = jnp.log(jnp.maximum(ratios[places], 1e-300)), costs[places]
+    left, right = (y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1])
+    bend = (right - left) / (0.5 * (x[2] - x[0]))
+    vertex = 0.5 * (x[0] + x[1]) - left / bend
+    usable = (
+        (bend > 0.0)
+        & jnp.all(jnp.isfinite(y))
+        & (ratios[places[0]] > 0.0)
+        & (vertex > x[0])
+        & (vertex < x[2])
+    )
+    return jnp.where(usable, jnp.exp(jnp.where(usable, vertex, 0.0)), ratios[best])
+
+
+@eqx.filter_jit
+def filtered(
+    drive: Drive,
+    z0: Float[Array, " r"],
+    batch: Batch,
+    ratio: Float[Array, "r k"],
+    known: Bool[Array, " r"],
+    substeps: int,
+) -> tuple[Positions, Noise]:
+    """Gains of the likeliest of k ratios of unmeasured force to position noise, for each recording on its own.
+
+    For a given ratio the likelihood says the size of both: s^2 = mean of e^2/S, cost = n log s + 1/2 sum of log S.
+
+    **Arguments:**
+
+    - `drive`: the present model.
+    - `z0`: starting deflections over Fs/sigma0, shape `(r,)`.
+    - `batch`: the recordings, scored from the start.
+    - `ratio`: candidates, force over position, shape `(r, k)`.
+    - `known`: recordings whose position noise is given and not to be scaled, shape `(r,)`.
+    - `substeps`: integration steps per sample.
+
+    **Returns:**
+
+    The `Positions` with these gains, and their `Noise`.
+    """
+    deflection = z0 * drive.friction.Fs / drive.friction.sigma0
+
+    def one(u, x, dt, noise, x0, v0, z, valid, given, ratios):
+        force = drive.applied_force(u, dt)
+        head = jnp.maximum(_HEAD / dt, 10.0)
+        spread = (_WIDE * noise / jnp.sqrt(head), _WIDE * noise * jnp.sqrt(12.0 / head) / (head * dt))
+        samples = jnp.sum(valid)
+
+        def lane(quotient):
+            found = kalman_filter(
+                drive, force, x, dt, noise, quotient * noise, (x0, v0, z), spread, substeps=substeps
+            )
+            relative = found.variance / noise**2
+            left = jnp.sum(valid * found.innovation**2 / relative) / samples
+            size = jnp.where(given, noise**2, left)
+            cost = 0.5 * (samples * (jnp.log(size) + left / size) + jnp.sum(valid * jnp.log(relative)))
+            return found.gain, jnp.sqrt(relative * size), jnp.sqrt(size), cost
+
+        gains, deviations, sizes, costs = jax.vmap(lane)(ratios)
+        costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+        best = jnp.argmin(costs)
+        top = _top(ratios, costs, best)
+        return gains[best], deviations[best], sizes[best], ratios[best] * sizes[best], top
+
+    gain, deviation, size, push, top = jax.vmap(one)(
+        batch.u, batch.x, batch.dt, batch.noise, batch.x0, batch.v0, deflection, batch.valid, known, ratio
+    )
+    return Positions(batch, gain, deviation, substeps), Noise(size, push, top)

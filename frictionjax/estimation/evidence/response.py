@@ -1,0 +1,71 @@
+"""A measured frequency response of a machine in stick, equation (6)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from frictionjax.estimation.evidence.base import AbstractEvidence
+from frictionjax.frequency import FRF
+from frictionjax.frequency.second_order import Lines, sampled_response
+from frictionjax.physics import Drive
+
+
+class Response(AbstractEvidence):
+    """The bins of an FRF inside a band, against the drive linearised at rest.
+
+    The response is that of noise: it holds for levels so small that the bristles stay linear.
+
+    **Attributes:** `lines` (frequencies and response), `deviation` of real and imaginary part, shape `(nf,)`, and
+    `hold`: whether the input was held between samples.
+    """
+
+    lines: Lines
+    deviation: Float[Array, " nf"]
+    hold: bool = eqx.field(static=True)
+
+    @property
+    def rows(self) -> int:
+        """None: a response has no start."""
+        return 0
+
+    @property
+    def count(self) -> Float[Array, " b"]:
+        """One number in each block, shape `(2 nf,)`."""
+        return jnp.ones(2 * self.deviation.shape[0])
+
+    @property
+    def log_deviation(self) -> Float[Array, ""]:
+        """Sum of the logarithms of the deviations of real and imaginary parts."""
+        return 2.0 * jnp.sum(jnp.log(self.deviation))
+
+    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+        """Real and imaginary parts of modelled less measured response over their deviation, shape `(2 nf, 1)`; for
+        the `drive` at rest; `z0` is empty."""
+        friction = drive.friction
+        damping = friction.sigma1 + friction.sigma2
+        coefficients = jnp.stack([friction.sigma0, damping, drive.J, 0.0 * drive.J])
+        gain: Complex[Array, ""] = drive.motor_constant + 0.0j
+        error = (gain * sampled_response(coefficients, self.lines, self.hold) - self.lines.response) / (
+            self.deviation + 0.0j
+        )
+        return jnp.concatenate([jnp.real(error), jnp.imag(error)])[:, None]
+
+
+def make_response(frf: FRF, band: tuple[float, float], *, hold: bool) -> Response:
+    """The bins of `frf` from `band[0]` to `band[1]` Hz in which the input has power; `hold` as in `Response`."""
+    frequency, std = np.asarray(frf.frequency), np.asarray(frf.std)
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & np.isfinite(std) & (std > 0.0)
+    omega = 2.0 * np.pi * frequency[inside]
+    # Neighbouring bins of a window are correlated: together they count as fewer.
+    deviation = std[inside] * np.sqrt(float(frf.bin_correlation))
+    return Response(
+        Lines(
+            omega=jnp.asarray(omega),
+            response=jnp.asarray(np.asarray(frf.response)[inside]),
+            weight=jnp.asarray(1.0 / deviation),
+            sample_omega=jnp.asarray(2.0 * np.pi * float(frf.sample_rate)),
+        ),
+        jnp.asarray(deviation),
+        hold,
+    )

@@ -1,0 +1,194 @@
+"""`FitResult`: what a fit found, how well it is known, and what the fit touches."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.core import Estimate
+from frictionjax.estimation.evidence import Forces, Positions
+from frictionjax.estimation.loss import Gaussian
+from frictionjax.estimation.parameters import at_a_bound, part_of
+from frictionjax.estimation.posterior import Posterior, curvature_and_gradients
+from frictionjax.estimation.refine import Refined
+from frictionjax.estimation.uncertainty import estimate_of
+from frictionjax.physics import Drive
+
+_CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces
+_FEW = 20  # clusters: fewer tell nothing of how errors correlate
+
+
+class RecordingNoise(eqx.Module):
+    """What stands between one recording and the model.
+
+    **Attributes:**
+
+    - `position`: standard deviation of the measured position, position units; of the measured force, force units, for
+      `drive = "motion"`.
+    - `push`: standard deviation of the unmeasured force, held over each sample, force units.
+    - `power`: mean square of the standardised prediction errors: 1 where model and noise explain all.
+    """
+
+    position: float = eqx.field(static=True)
+    push: float = eqx.field(static=True)
+    power: float = eqx.field(static=True)
+
+
+class FitResult(eqx.Module):
+    """A fitted drive.
+
+    **Attributes:**
+
+    - `drive`: the fitted `Drive`.
+    - `parameters`: label -> `Estimate` in physical units, tied parameters included.
+    - `names`: labels of the p free parameters, in the order of `covariance`.
+    - `covariance`: of the free parameters in physical units, shape `(p, p)`: inverse information, with standard
+      deviations raised where the clustered sandwich says more (model error, correlated errors).
+    - `covariance_white`: inverse information alone, right when the errors are white, shape `(p, p)`.
+    - `noise`: name of the recording -> `RecordingNoise`.
+    - `cost`: minus the log-posterior, noise included, but for a constant: for comparing fits of the same data.
+    - `success`, `message`: whether the fit converged; why it stopped, what it touches, and what no data hold.
+    - `at_bounds`: labels of parameters at an end of their range.
+    - `posterior`, `vector`: for those who go on from here; None in a result that was read from a file.
+    """
+
+    drive: Drive
+    parameters: dict[str, Estimate] = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    covariance: Float[np.ndarray, "p p"]
+    covariance_white: Float[np.ndarray, "p p"]
+    noise: dict[str, RecordingNoise] = eqx.field(static=True)
+    cost: float = eqx.field(static=True)
+    success: bool = eqx.field(static=True)
+    message: str = eqx.field(static=True)
+    at_bounds: tuple[str, ...] = eqx.field(static=True)
+    posterior: Posterior | None = None
+    vector: Float[Array, " q"] | None = None
+
+    @property
+    def stderr(self) -> dict[str, float]:
+        """Label -> standard error in physical units."""
+        return {name: estimate.stderr for name, estimate in self.parameters.items()}
+
+
+def inverse_of(matrix: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
+    """Inverse of a positive definite `matrix`, scaled first: its entries span decades."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0.0, size, 1.0)
+    return np.linalg.pinv(matrix / np.outer(size, size), hermitian=True) / np.outer(size, size)
+
+
+def clustered(gradients: list[Float[np.ndarray, "b q"]], posterior: Posterior) -> Float[np.ndarray, "c q"]:
+    """Block gradients summed over clusters of ten blocks, none across two recordings; `gradients` as
+    `curvature_and_gradients` has them for `posterior`. Shape `(c, q)`."""
+    sums = []
+    for gradient, evidence in zip(gradients, posterior.evidence, strict=True):
+        own = np.asarray(gradient)
+        if evidence.rows:
+            own = own.reshape(evidence.rows, -1, own.shape[1])
+            own = np.pad(own, ((0, 0), (0, -own.shape[1] % _CLUSTER), (0, 0)))
+            own = own.reshape(-1, _CLUSTER, own.shape[2]).sum(1)
+        sums.append(own)
+    total = np.concatenate(sums)
+    return total[np.any(total != 0.0, axis=1)]
+
+
+@eqx.filter_jit
+def _values(posterior: Posterior, vector):
+    def values(point):
+        drive = posterior.drive_of(point)
+        free = [part_of(drive, one.path) for one in posterior.constraints.layout]
+        return jnp.stack(free + [part_of(drive, tie.path) for tie in posterior.constraints.ties])
+
+    return values(vector), jax.jacfwd(values)(vector)
+
+
+def make_result(
+    refined: Refined, names: tuple[tuple[str, ...], ...], units: Mapping[str, str], extra: tuple[str, ...]
+) -> FitResult:
+    """The `FitResult` of a `refined` fit; `names` of the recordings of each evidence, `units` by kind, and `extra`
+    sentences for the message."""
+    posterior, vector = refined.posterior, refined.vector
+    layout, ties = posterior.constraints.layout, posterior.constraints.ties
+    count = len(layout)
+    near = curvature_and_gradients(posterior, vector)
+    hessian, gradients = np.asarray(near.hessian), [np.asarray(g) for g in near.gradients]
+    finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in gradients))
+    values, slope = (np.asarray(a) for a in _values(posterior, vector))
+    ends = set(at_a_bound(layout, vector[:count], posterior.start[:count]))
+    ends |= {
+        one.label
+        for one, value in zip(layout, values, strict=False)
+        if value <= float(one.least) * (1.0 + 1e-9) or value >= float(one.most) * (1.0 - 1e-9)
+    }
+    size = count + len(ties)
+    white = honest = np.full((size, size), np.inf)
+    silent = np.zeros(count, bool)
+    if finite:
+        inverse = inverse_of(hessian)
+        white = slope @ inverse @ slope.T
+        sums = clustered(gradients, posterior)
+        if len(sums) >= _FEW or not isinstance(posterior.loss, Gaussian):
+            sandwich = slope @ inverse @ (sums.T @ sums) @ inverse @ slope.T * (len(sums) / (len(sums) - 1))
+            more = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(white), 1e-300), 1.0))
+            honest = white * np.outer(more, more)
+        else:
+            honest = white
+        # What rests on the weak prior is not known from the data, however little the errors scatter.
+        silent = np.diag(inverse)[:count] * np.asarray(posterior.prior)[:count] ** 2 > 0.25
+    spread = np.sqrt(np.maximum(np.diag(honest), 0.0)) if finite else np.full(size, np.inf)
+    spread[:count][silent | np.array([one.label in ends for one in layout], dtype=bool)] = np.inf
+    parameters = {}
+    for one, value, stderr in zip(layout, values, spread, strict=False):
+        parameters[one.label] = estimate_of(one, value, stderr, units)
+    for tie, value, stderr in zip(ties, values[count:], spread[count:], strict=True):
+        source = parameters.get(tie.source)
+        unit = source.unit if source is not None else "1"
+        parameters[tie.label] = Estimate(
+            float(value), float(stderr), unit, source is None or source.identified
+        )
+    lost = [one.label for one in layout if not parameters[one.label].identified and one.label not in ends]
+    sentences = [
+        "The fit converged: neither noise nor parameters move any more."
+        if refined.converged
+        else "The fit stopped at its last round while still improving; start it again from its own result."
+    ]
+    if ends:
+        sentences.append(f"At the end of its range: {', '.join(sorted(ends))}.")
+    if lost:
+        sentences.append(f"Not held by these data: {', '.join(lost)}; `identifiability` says which would.")
+    if not finite:
+        sentences.append("The derivatives overflow at the solution: no standard errors can be given.")
+    return FitResult(
+        drive=posterior.drive_of(vector),
+        parameters=parameters,
+        names=tuple(one.label for one in layout),
+        covariance=honest[:count, :count],
+        covariance_white=white[:count, :count],
+        noise=_noise_of(refined, near.powers, names),
+        cost=refined.cost,
+        success=refined.converged and finite,
+        message=" ".join((*sentences, *extra)),
+        at_bounds=tuple(sorted(ends)),
+        posterior=posterior,
+        vector=vector,
+    )
+
+
+def _noise_of(refined: Refined, powers, names: tuple[tuple[str, ...], ...]) -> dict[str, RecordingNoise]:
+    found = {}
+    for evidence, blocks, own in zip(refined.posterior.evidence, powers, names, strict=True):
+        count = np.asarray(evidence.count).reshape(len(own), -1)
+        power = (np.asarray(blocks).reshape(len(own), -1) * count).sum(1) / count.sum(1)
+        for row, name in enumerate(own):
+            if isinstance(evidence, Positions) and refined.noise is not None:
+                level, push = float(refined.noise.position[row]), float(refined.noise.push[row])
+            elif isinstance(evidence, Forces):
+                level, push = float(evidence.noise[row]), 0.0
+            else:
+                level, push = float("nan"), 0.0
+            found[name] = RecordingNoise(level, push, float(power[row]))
+    return found

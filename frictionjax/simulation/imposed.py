@@ -1,0 +1,250 @@
+"""`simulate_imposed`: the friction force of a drive whose motion is imposed, as on a tribometer.
+
+The motion being known, the friction level G is known too, step by step, and each bristle is alone with (2),
+
+    dz/dt = |v| (S(y) - S(z))/G,    S(y) = G sgn v,
+
+S the bristle's spring force and y where it slips steadily. With k the secant stiffness between z and y, and y linear
+over a step of path d, this is solved exactly:
+
+    a = k |d| mean(1/G),   z+ = z + (1 - e^-a) (y0 - z) + (1 - (1 - e^-a)/a) (y1 - y0)
+
+For the linear spring k = sigma0, and the step is exact at constant velocity; else k is the mean of the secants at both
+ends, second order. z+ lies between z, y0 and y1: stable at any |v| sigma0 h/G, and never bent beyond them. |v| is not
+smoothed. States of effects take Heun's step around it. Effects of the input are not on the way and do not act.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from frictionjax.core import InputError, require_x64
+from frictionjax.core.safe import real, sign
+from frictionjax.physics import Bristles, Drive
+from frictionjax.physics.effects.base import AbstractSpringEffect
+from frictionjax.simulation.fixed import Trajectory
+
+_REST = 1e-30  # a velocity that is rest, yet has a direction
+_BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
+
+
+class _Step(NamedTuple):
+    """What is known of a step: its length; at both ends (2,) velocity, level and yield of LuGre's bristle."""
+
+    h: Array
+    v: Array
+    level: Array
+    slips: Array
+
+
+def _limits(x, v, dt):
+    """Velocities on both sides of every sample instant, each of shape (n,)."""
+    if v is not None:
+        return v, v
+    mean = jnp.diff(x) / dt
+    change = jnp.pad(jnp.diff(mean), 1)
+    left, right = change[:-1], change[1:]
+    # None where they disagree: second order in smooth motion, and exact next to a corner.
+    smaller = jnp.where(jnp.abs(left) < jnp.abs(right), left, right)
+    rise = 0.5 * jnp.where(left * right > 0.0, smaller, 0.0)
+    start, end = mean - rise, mean + rise
+    return jnp.concatenate([start[:1], end]), jnp.concatenate([start, end[-1:]])
+
+
+def _has_spring_effects(drive: Drive) -> bool:
+    return any(isinstance(effect, AbstractSpringEffect) for effect in drive.effects)
+
+
+def _slips_at(drive: Drive, level):
+    """Deflection at which LuGre's bristle carries `level`."""
+    sigma0, z = drive.friction.sigma0, level / drive.friction.sigma0
+    if not _has_spring_effects(drive):
+        return z
+
+    def closer(_, z):
+        force, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
+        z = z - (force - level) / jax.lax.stop_gradient(jnp.maximum(slope, 0.05 * sigma0))
+        return jnp.clip(z, 0.0, _BENT * level / sigma0)
+
+    # One more step from the solution: its derivative is that of the solution.
+    return closer(0, jax.lax.stop_gradient(jax.lax.fori_loop(0, 8, closer, z)))
+
+
+def _secant(drive: Drive, z, y):
+    """Mean stiffness of LuGre's bristle between the deflections `z` and `y`."""
+    force, slope = jax.jvp(drive.spring_force, (y,), (jnp.ones_like(y),))
+    near = jnp.abs(y - z) < 1e-9 * jnp.abs(y)
+    rise = (force - drive.spring_force(z)) / jnp.where(near, 1.0, y - z)
+    return jnp.maximum(jnp.where(near, slope, rise), 1e-3 * drive.friction.sigma0)
+
+
+def _relaxed(z, y0, y1, a):
+    """LuGre's bristle after a step of `a` relaxation lengths towards `y0`, which becomes `y1` meanwhile."""
+    gone = -jnp.expm1(-a)
+    small = a < 1e-8
+    late = jnp.where(small, 0.5 * a, 1.0 - gone / jnp.where(small, 1.0, a))
+    return z + gone * (y0 - z) + late * (y1 - y0)
+
+
+def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step):
+    """Deflections after the bristles went the `way`, position units."""
+    y0, y1 = sign(way) * step.slips
+    length = jnp.abs(way) * jnp.mean(1.0 / step.level)
+    if not _has_spring_effects(drive):
+        first = _relaxed(z[0], y0, y1, drive.friction.sigma0 * length)
+    else:
+        stiffness = _secant(drive, z[0], y0)
+        guess = _relaxed(z[0], y0, y1, stiffness * length)
+        stiffness = 0.5 * (stiffness + _secant(drive, guess, y1))
+        first = _relaxed(z[0], y0, y1, stiffness * length)
+    if z.shape[-1] == 1:
+        return first[None]
+    limit = step.level[1] * bristles.slack[1:] / drive.friction.sigma0
+    return jnp.concatenate([first[None], bristles.cut(z[1:] + way, limit)])
+
+
+def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
+    """The steps, two to a substep, each part of shape (steps,); `start` and `end`: velocities of every sample.
+
+    A substep is cut where the velocity turns, else in its middle: no bristle misses a way out and back.
+    """
+    share = jnp.arange(substeps + 1) / substeps
+
+    def both_ends(first, last):
+        nodes = first[:, None] + (last - first)[:, None] * share[None, :]
+        return nodes[:, :-1], nodes[:, 1:]
+
+    def pieces(first, middle, last):
+        return jnp.reshape(jnp.stack([first, middle, middle, last], axis=-1), (-1, 2))
+
+    (v0, v1), (x0, x1) = both_ends(start, end), both_ends(x[:-1], x[1:])
+    turns = v0 * v1 < 0.0
+    part = jnp.where(turns, v0 / jnp.where(turns, v0 - v1, 1.0), 0.5)
+    h = dt / substeps * jnp.ravel(jnp.stack([part, 1.0 - part], axis=-1))
+    v = pieces(v0, jnp.where(turns, 0.0, 0.5 * (v0 + v1)), v1)
+    # At rest, the level is that of the direction in which the step goes.
+    towards = sign(jnp.sum(v, axis=-1, keepdims=True))
+    going = towards * jnp.maximum(towards * v, _REST)
+    level = jax.vmap(jax.vmap(drive.level))(pieces(x0, x0 + (x1 - x0) * part, x1), going)
+    return _Step(h, v, level, _slips_at(drive, level))
+
+
+def _run(drive: Drive, x, dt, z0, v, substeps: int):
+    """Velocity, deflections and friction force at every sample."""
+    bristles = drive.bristles()
+    before, after = _limits(x, v, dt)
+
+    def advance(state, step: _Step):
+        z, hidden = state
+        h, (v0, v1) = step.h, step.v
+        if not drive.hidden_count:
+            return (_bent(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
+        rate, w0 = drive.hidden_rates(hidden, v0, drive.spring_force(z[0]))
+        guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * w0 - v0 + v1), step)
+        rate1, w1 = drive.hidden_rates(hidden + h * rate, v1, drive.spring_force(guess[0]))
+        z = _bent(drive, bristles, z, 0.5 * h * (w0 + w1), step)
+        return (z, hidden + 0.5 * h * (rate + rate1)), state
+
+    first = (z0 * jnp.ones(drive.bristle_count), jnp.zeros(drive.hidden_count))
+    last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))
+    run = jax.tree.map(lambda part, end: jnp.concatenate([part[:: 2 * substeps], end[None]]), run, last)
+
+    def force(x, v, z, hidden):
+        return drive.friction_force(bristles, x, v, z, dt, hidden)[0]
+
+    sides = before[None] if v is not None else jnp.stack([before, after])
+    friction = jax.vmap(jax.vmap(force), in_axes=(None, 0, None, None))(x, sides, *run)
+    return jnp.mean(sides, axis=0), run[0], jnp.mean(friction, axis=0)
+
+
+def imposed_friction(
+    drive: Drive,
+    x: Float[Array, " n"],
+    dt: float | Float[Array, ""],
+    z0: float | Float[Array, ""],
+    *,
+    v: Float[Array, " n"] | None = None,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """Friction force of `drive` at the samples of an imposed motion, for use inside compiled functions.
+
+    One scan of fixed length: differentiable by the parameters and by `z0`, and works under vmap. Nothing is checked.
+
+    **Arguments:** `drive`, `x` (shape `(n,)`, n at least 2), `z0`, `v` and `substeps` as in `simulate_imposed`; `dt`: s
+    per sample.
+
+    **Returns:** The opposing force, shape `(n,)`, force units.
+    """
+    return _run(drive, real(x), real(dt), real(z0), None if v is None else real(v), substeps)[2]
+
+
+@eqx.filter_jit
+def _simulate_imposed(drive, x, dt, z0, v, substeps):
+    v, z, friction = _run(drive, x, dt, z0, v, substeps)
+    return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, substeps)
+
+
+def simulate_imposed(
+    drive: Drive,
+    x: Float[Array, " n"],
+    sample_rate: float,
+    *,
+    v: Float[Array, " n"] | None = None,
+    z0: float | Float[Array, ""] = 0.0,
+    substeps: int = 1,
+) -> Trajectory:
+    """Friction force of `drive` when its position is imposed: F = sigma0 z + sigma1 dz/dt + sigma2 v, and the effects.
+
+    It opposes the motion; inertia, motor and effects of the input (delay, drive lag) take no part. Works under jit,
+    vmap and in derivatives.
+
+    Without `v`, the velocity is linear within each sample and its mean is the difference of the positions. Where it
+    jumps at a sample, velocity and force are the means of both sides; elsewhere v is the central difference. (The mean
+    of an interval, taken for its end, is late by half a sample.) That is without bias to second order in the sample
+    time, at both ends of the record to first. Nothing is smoothed: encoder steps q give v steps of q sample_rate / 2,
+    to which sigma2 v is blind in the mean; a level that curves within them is flattened, and an `x` that flickers at
+    rest relaxes the bristles by 2 q sigma0 z/G each time.
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `x`: imposed position, shape `(n,)`, position units.
+    - `sample_rate`: samples per second.
+    - `v`: measured or smoothed velocity, shape `(n,)`, position/s, linear between samples. The bristles then follow it
+        alone, and `x` only says where: an offset of `v` bends them.
+    - `z0`: deflection of every bristle at the first sample, position units.
+    - `substeps`: steps per sample. 1 is exact for LuGre at constant velocity. States of effects need steps below half
+        their time constant, creep's over 1 + compliance.
+
+    **Returns:**
+
+    A `Trajectory`, whose first sample has the deflection `z0`.
+
+    **Raises:**
+
+    `PrecisionError` unless JAX computes in float64; `ValueError` for a shape of `x` or `v` that does not fit; outside
+    compiled functions, `InputError` for a number in `x` or `v` that is not finite and a `sample_rate` not above zero.
+    """
+    require_x64()
+    x, v = real(x), None if v is None else real(v)
+    if x.ndim != 1 or x.shape[0] < 2:
+        raise ValueError(
+            f"`x` has shape {x.shape}; `simulate_imposed` takes one motion of shape (n,) with at least 2 samples. "
+            "Batch with jax.vmap."
+        )
+    if v is not None and v.shape != x.shape:
+        raise ValueError(f"`v` has shape {v.shape} and `x` {x.shape}: give one velocity for each position.")
+    for name, values in (("x", x), ("v", x if v is None else v)):
+        if not isinstance(values, Tracer) and not np.all(np.isfinite(values)):
+            at = int(np.argmin(np.isfinite(values)))
+            cure = "Cut it out, or interpolate over it."
+            raise InputError(f"sample {at} is {float(values[at])}", place=f"`{name}`", cure=cure)
+    if not isinstance(sample_rate, Tracer) and not 0.0 < float(sample_rate) < np.inf:
+        cure = "Give samples per second, above zero."
+        raise InputError(f"it is {sample_rate}", place="`sample_rate`", cure=cure)
+    return _simulate_imposed(drive, x, 1.0 / real(sample_rate), real(z0), v, int(substeps))

@@ -1,0 +1,119 @@
+"""Extended Kalman filter along a recording: the gains that make prediction errors white under measurement noise and a
+small unmeasured force.
+
+    x_meas = x + n,  n ~ (0, noise^2);   J x'' = km u - F + d,  d ~ (0, push^2), held over each sample
+
+The covariance goes through the linearised step, P+ = A P A' + b b' push^2 (Jazwinski, Stochastic Processes and
+Filtering Theory, 1970, ch. 8). Without the force the gains vanish with time and the prediction is a free run; in stick
+the machine's own spring holds it and they are small; in sliding they are those of a free mass.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Drive
+from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.ros2 import State, advance
+
+
+class Filtered(eqx.Module):
+    """What the filter found along one recording.
+
+    **Attributes:** `gain` of each state (x, v, bristles, states of effects) at each sample, shape `(n, m)`;
+    `variance` of the innovation, position units squared, and the `innovation`, position units, shape `(n,)`.
+    """
+
+    gain: Float[Array, "n m"]
+    variance: Float[Array, " n"]
+    innovation: Float[Array, " n"]
+
+
+def _flat(state: State) -> Float[Array, " m"]:
+    return jnp.concatenate([state.x[None], state.v[None], state.z, state.hidden])
+
+
+def _following(drive: Drive, dt: Float[Array, ""], substeps: int):
+    """One sample of the `drive` on flat states: (state, force) -> state."""
+    bristles, count = drive.bristles(), drive.bristle_count
+
+    def step(flat, push):
+        state = State(flat[0], flat[1], flat[2 : 2 + count], flat[2 + count :])
+        return _flat(advance(drive, bristles, state, push, dt, substeps, exact_derivative=False))
+
+    return step
+
+
+def kalman_filter(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    noise: Float[Array, ""],
+    push: Float[Array, ""],
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    spread: tuple[Float[Array, ""], Float[Array, ""]],
+    *,
+    substeps: int = 1,
+) -> Filtered:
+    """Run the filter along one recording; for use inside compiled functions.
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `force`: motor force held over each sample, shape `(n,)`.
+    - `x`: measured position, shape `(n,)`.
+    - `dt`: s per sample.
+    - `noise`: standard deviation of the measured position, position units.
+    - `push`: standard deviation of the unmeasured force, force units.
+    - `start`: position, velocity and bristle deflection at the first sample; `spread`: the standard deviations of
+        the first two.
+    - `substeps`: integration steps per sample.
+    """
+    following = _following(drive, dt, substeps)
+    first = _flat(initial_state(drive, *start))
+    size = first.shape[0]
+    directions = jnp.eye(size + 1)
+    known = jnp.zeros((size, size)).at[0, 0].set(spread[0] ** 2).at[1, 1].set(spread[1] ** 2)
+
+    def sample(carry, inputs):
+        state, covariance = carry
+        motor, measured = inputs
+        variance = covariance[0, 0] + noise**2
+        gain = covariance[:, 0] / variance
+        innovation = measured - state[0]
+        state = state + gain * innovation
+        covariance = covariance - gain[:, None] * covariance[0][None]
+        state, columns = jax.vmap(
+            lambda way: jax.jvp(following, (state, motor), (way[:size], way[size])), out_axes=(None, 0)
+        )(directions)
+        moved = columns[:size].T
+        covariance = moved @ covariance @ moved.T + push**2 * columns[size][:, None] * columns[size][None]
+        return (state, 0.5 * (covariance + covariance.T)), (gain, variance, innovation)
+
+    return Filtered(*jax.lax.scan(sample, (first, known), (force, x))[1])
+
+
+def predicted_with(
+    drive: Drive,
+    force: Float[Array, " n"],
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gain: Float[Array, "n m"],
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    *,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """Innovations x - x_predicted along one recording for given gains, position units, shape `(n,)`.
+
+    **Arguments:** `gain` as in `Filtered`, shape `(n, m)`; the others as in `kalman_filter`.
+    """
+    following = _following(drive, dt, substeps)
+
+    def sample(state, inputs):
+        motor, measured, own = inputs
+        innovation = measured - state[0]
+        return following(state + own * innovation, motor), innovation
+
+    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, x, gain))[1]
