@@ -9,8 +9,22 @@ from frictionjax.core import configure_jax as configure_jax
 from frictionjax.diagnosis import Diagnosis as Diagnosis
 from frictionjax.diagnosis import diagnose as diagnose
 from frictionjax.diagnosis.output import register_writer
+from frictionjax.estimation import Bootstrap as Bootstrap
+from frictionjax.estimation import Cauchy as Cauchy
 from frictionjax.estimation import FitResult as FitResult
+from frictionjax.estimation import Gaussian as Gaussian
+from frictionjax.estimation import Huber as Huber
+from frictionjax.estimation import Observation as Observation
+from frictionjax.estimation import Profile as Profile
+from frictionjax.estimation import Replicas as Replicas
+from frictionjax.estimation import bootstrap as bootstrap
 from frictionjax.estimation import fit as fit
+from frictionjax.estimation import fit_many as fit_many
+from frictionjax.estimation import profile_likelihood as profile_likelihood
+from frictionjax.exchange import MujocoJoint as MujocoJoint
+from frictionjax.exchange import load_fit as load_fit
+from frictionjax.exchange import mujoco_joint as mujoco_joint
+from frictionjax.exchange import save_fit as save_fit
 from frictionjax.frequency import BLA as BLA
 from frictionjax.frequency import FRF as FRF
 from frictionjax.frequency import Resonances as Resonances
@@ -20,6 +34,16 @@ from frictionjax.frequency import estimate_frf as estimate_frf
 from frictionjax.frequency import extrapolate_to_zero_amplitude as extrapolate_to_zero_amplitude
 from frictionjax.frequency import fit_sk as fit_sk
 from frictionjax.frequency import resonances as resonances
+from frictionjax.information import DesignedMultisine as DesignedMultisine
+from frictionjax.information import Discrimination as Discrimination
+from frictionjax.information import Identifiability as Identifiability
+from frictionjax.information import Information as Information
+from frictionjax.information import Ranking as Ranking
+from frictionjax.information import fisher_information as fisher_information
+from frictionjax.information import identifiability as identifiability
+from frictionjax.information import optimise_multisine as optimise_multisine
+from frictionjax.information import rank_experiments as rank_experiments
+from frictionjax.information import rank_for_discrimination as rank_for_discrimination
 from frictionjax.physics import Drive as Drive
 from frictionjax.physics import LuGre as LuGre
 from frictionjax.physics import catalogue as catalogue
@@ -34,6 +58,7 @@ from frictionjax.report import write_report
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
+from frictionjax.simulation import simulate_imposed as simulate_imposed
 from frictionjax.studies import Design as Design
 from frictionjax.studies import Study as Study
 from frictionjax.studies import compare_estimators as compare_estimators
@@ -43,24 +68,38 @@ from frictionjax.studies import run_study as run_study
 __all__ = [
     "BLA",
     "FRF",
+    "Bootstrap",
     "Case",
+    "Cauchy",
     "Design",
+    "DesignedMultisine",
     "Diagnosis",
+    "Discrimination",
     "Drive",
     "Estimate",
     "FitResult",
     "FrictionjaxWarning",
+    "Gaussian",
+    "Huber",
+    "Identifiability",
+    "Information",
     "InputError",
     "LuGre",
+    "MujocoJoint",
+    "Observation",
     "Plant",
     "PrecisionError",
+    "Profile",
+    "Ranking",
     "Recording",
+    "Replicas",
     "Resonances",
     "Study",
     "Trajectory",
     "ZeroAmplitude",
     "audit",
     "best_linear_approximation",
+    "bootstrap",
     "case_from_files",
     "catalogue",
     "compare_estimators",
@@ -69,15 +108,26 @@ __all__ = [
     "estimate_frf",
     "excitation",
     "extrapolate_to_zero_amplitude",
+    "fisher_information",
     "fit",
+    "fit_many",
     "fit_sk",
+    "identifiability",
     "level_sweep",
     "linearize",
     "load_case",
+    "load_fit",
+    "mujoco_joint",
+    "optimise_multisine",
+    "profile_likelihood",
+    "rank_experiments",
+    "rank_for_discrimination",
     "resonances",
     "run_study",
+    "save_fit",
     "simulate",
     "simulate_batch",
+    "simulate_imposed",
 ]
 
 register_writer(write_report)

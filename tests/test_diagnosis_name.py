@@ -23,7 +23,8 @@ from frictionjax.diagnosis.name import _score_test, forms_to_try, try_effect
 from frictionjax.diagnosis.refit import short_list
 from frictionjax.diagnosis.select import effect_p_values, present_model
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.fit import descend, make_problem
+from frictionjax.estimation.observer_fit import descend
+from frictionjax.estimation.problem import make_problem
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 

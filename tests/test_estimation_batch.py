@@ -6,7 +6,8 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
 from frictionjax.estimation.batch import make_batch, noise_level
-from frictionjax.estimation.fit import SLOW_BANDWIDTH, fit, make_problem
+from frictionjax.estimation.observer_fit import observer_fit
+from frictionjax.estimation.problem import SLOW_BANDWIDTH, make_problem
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
 
@@ -135,7 +136,7 @@ def test_a_machine_that_never_moves_gives_no_nan():
 
 def test_a_recording_of_a_few_samples_is_refused_with_a_sentence():
     with pytest.raises(ValueError, match=r"short.*samples"):
-        fit(PLANT, (_recording(_noise(1, 30), name="short"),), encoder_step=FINE)
+        observer_fit(PLANT, (_recording(_noise(1, 30), name="short"),), encoder_step=FINE)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

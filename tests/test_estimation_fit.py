@@ -1,49 +1,63 @@
-"""`fit`: recovers known parameters, knows how well, says what went wrong, and compiles once."""
+"""`fit`: finds known parameters and noise, keeps to what it is told, says what it touches, and refuses with a cure.
 
-import equinox as eqx
+All recordings have one shape, so that each structure (which parameters are free, which loss) is compiled once.
+"""
+
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_estimation import (
+from helpers_estimation import PLANT, VOLT
+from helpers_fit import (
     FINE,
-    PLANT,
-    closed_loop,
+    NAMES,
+    NOISE,
+    PUSH,
+    RATE,
+    SAMPLES,
+    TRUTH,
+    closed_experiment,
+    driven,
     experiment,
-    moves,
-    open_loop,
-    stick_noise,
-    truth,
+    other_start,
+    resting,
+    stick_input,
 )
 from helpers_plants import effect
 
-from frictionjax.core import PrecisionError
+from frictionjax.core import InputError, PrecisionError
 from frictionjax.core.compile_time import CompileClock
-from frictionjax.estimation import fit, starting_values
-from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.fit import finish, make_problem
-from frictionjax.estimation.parameters import effect_layout, pack
-from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import estimates, sandwich
-from frictionjax.physics import Drive
+from frictionjax.estimation import Cauchy, Huber, Observation, fit
+from frictionjax.recordings import Recording
 
-KM = float(PLANT.motor_constant)
+LESS = {"J": 0.7, "sigma0": 1.3, "sigma1": 0.7, "sigma2": 1.3, "Fc": 0.7, "Fs": 0.75, "vs": 1.3}
+MORE = {"J": 1.3, "sigma0": 0.7, "sigma1": 1.3, "sigma2": 0.7, "Fc": 1.3, "Fs": 1.25, "vs": 0.7}
+"""Starts 30 % off."""
+FAR_LESS = {"J": 0.25, "sigma0": 4, "sigma1": 4, "sigma2": 0.25, "Fc": 0.25, "Fs": 0.25, "vs": 0.25}
+FAR_MORE = {"J": 4, "sigma0": 0.25, "sigma1": 0.25, "sigma2": 4, "Fc": 4, "Fs": 4, "vs": 4}
+"""Starts a factor 4 off."""
+NEAR = other_start({"J": 1.1, "sigma0": 0.9, "sigma2": 1.1, "Fc": 0.95, "vs": 0.9})
 UNITS = {"force": "N*m", "position": "rad", "input": "V"}
 
 
-def _recovered(parameters, expected):
-    """Every parameter within five of its own standard errors, or 1 % of its value."""
+def _fit(data, start=NEAR, **choices):
+    return fit(start, data, **({"encoder_step": FINE, "own_starts": False, "units": UNITS} | choices))
+
+
+def _recovered(found, expected=TRUTH, within=4.0):
+    """Every parameter within four of its own standard errors, which are small."""
     for name, value in expected.items():
-        found = parameters[name]
-        assert found.identified, name
-        assert abs(found.value - value) < max(5.0 * found.stderr, 0.01 * abs(value)), name
+        estimate = found.parameters[name]
+        assert estimate.identified, name
+        assert abs(estimate.value - value) < within * estimate.stderr, (name, estimate)
+        assert estimate.stderr < 0.02 * value, name
 
 
-def _other_start(**factors):
-    """The plant with some parameters multiplied."""
-    numbers = {name: value * factors.get(name, 1.0) for name, value in truth(PLANT).items()}
-    J = numbers.pop("J")
-    return Drive(J, type(PLANT.friction)(**numbers), KM)
+@pytest.fixture(scope="module")
+def recordings():
+    return experiment()
 
 
 @pytest.fixture(scope="module")
@@ -53,250 +67,394 @@ def told():
 
 
 @pytest.fixture(scope="module")
-def fitted(told):
-    """Four short recordings of a known plant, fitted from what the recordings alone say."""
-    recordings = experiment()
-    start = starting_values(recordings, motor_constant=KM)
-    return fit(
-        start.drives,
-        recordings,
-        encoder_step=FINE,
-        units=UNITS,
-        progress=lambda stage, done: told.append((stage, done)),
-    )
+def fitted(recordings, told):
+    return _fit(recordings, other_start(MORE), progress=lambda stage, done: told.append((stage, done)))
 
 
-def test_the_truth_is_recovered_from_starting_values(fitted):
-    _recovered(fitted.parameters, truth(PLANT))
+def test_the_truth_is_recovered(fitted):
+    _recovered(fitted)
     assert fitted.success
-    assert fitted.message == "The fit converged."
-    assert truth(fitted.drive) == pytest.approx({k: e.value for k, e in fitted.parameters.items()})
-    assert max(e.stderr / e.value for e in fitted.parameters.values()) < 0.005
+    assert fitted.message.startswith("The fit converged")
+    assert fitted.at_bounds == ()
+    for name, value in TRUTH.items():
+        found = fitted.drive.J if name == "J" else getattr(fitted.drive.friction, name)
+        assert float(found) == pytest.approx(fitted.parameters[name].value, rel=1e-12)
+        assert float(found) == pytest.approx(value, rel=0.01)
 
 
-def test_at_the_truth_nothing_is_left_but_noise(fitted):
-    """The misfit of a true model is zero, as far as four short recordings know their noise (2 % each)."""
-    assert abs(fitted.mismatch) < 0.015
+def test_the_noise_is_recovered(fitted):
+    """Of the sensor within 10 %, of the unmeasured force within a factor 1.5; and with both the errors are white."""
+    assert tuple(fitted.noise) == NAMES
+    for name, found in fitted.noise.items():
+        assert found.position == pytest.approx(NOISE, rel=0.1), name
+        assert PUSH / 1.5 < found.push < 1.5 * PUSH, name
+        assert found.power == pytest.approx(1.0, abs=0.01), name
 
 
-def test_standard_errors_carry_units(fitted):
-    units = {name: estimate.unit for name, estimate in fitted.parameters.items()}
-    assert units == {
-        "J": "N*m*s^2/rad",
-        "sigma0": "N*m/rad",
-        "sigma1": "N*m*s/rad",
-        "sigma2": "N*m*s/rad",
-        "Fc": "N*m",
-        "Fs": "N*m",
-        "vs": "rad/s",
-    }
-    assert fitted.stderr == {name: estimate.stderr for name, estimate in fitted.parameters.items()}
-
-
-def test_the_covariance_is_one(fitted):
-    covariance = fitted.covariance
-    assert covariance.shape == (11, 11)
-    np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
-    assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
-    # A logarithm's standard error is the relative one.
-    assert np.sqrt(covariance[0, 0]) == pytest.approx(
-        fitted.stderr["J"] / fitted.parameters["J"].value, rel=1e-6
-    )
+def test_the_result_is_one(fitted):
+    assert fitted.names == tuple(TRUTH)
+    assert set(fitted.parameters) == set(TRUTH)
+    for covariance in (fitted.covariance, fitted.covariance_white):
+        assert covariance.shape == (7, 7)
+        np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6)
+        size = np.sqrt(np.diag(covariance))
+        assert np.min(np.linalg.eigvalsh(covariance / np.outer(size, size))) > 0.0
+    # What is stated is never below what white errors would give, and not far above where errors are white.
+    ratio = np.sqrt(np.diag(fitted.covariance) / np.diag(fitted.covariance_white))
+    assert np.all(ratio >= 1.0)
+    assert np.all(ratio < 2.0)
+    np.testing.assert_allclose(np.sqrt(np.diag(fitted.covariance)), list(fitted.stderr.values()), rtol=1e-9)
+    assert np.isfinite(fitted.cost)
+    assert fitted.parameters["sigma0"].unit == "N*m/rad"
 
 
 def test_progress_is_told_in_order(fitted, told):
     done = [fraction for _, fraction in told]
     assert done == sorted(done)
     assert 0.0 <= done[0] <= done[-1] <= 1.0
-    assert all(stage.startswith("base fit") for stage, _ in told)
 
 
-def test_new_recordings_do_not_compile_again(fitted):
-    """Numbers are data: new ones of the same shapes go through the same programs."""
-    recordings, start = experiment(seed=1), fitted.problem.setting.drive
-    fit((start, start), recordings, encoder_step=FINE, units=UNITS)  # one start, two: small programs differ
+@pytest.mark.parametrize("start", [LESS, FAR_LESS], ids=["less", "far less"])
+@pytest.mark.parametrize("own", [False, True], ids=["given start", "own starts"])
+def test_starts_far_off_end_at_the_truth(fitted, recordings, start, own):
+    if start is FAR_LESS and not own:
+        pytest.skip("a factor 4 in everything asks for starts that are read off the recordings")
+    found = _fit(recordings, other_start(start), own_starts=own)
+    _recovered(found)
+    assert found.success
+    for name in TRUTH:
+        apart = abs(found.parameters[name].value - fitted.parameters[name].value)
+        assert apart < fitted.stderr[name], name
+
+
+def test_starts_far_above_end_at_the_truth(recordings):
+    _recovered(_fit(recordings, other_start(FAR_MORE), own_starts=True))
+
+
+def test_own_starts_do_not_spoil_a_fair_one(fitted, recordings):
+    """Where the recordings show no stick, starts read off them are guesses: a given one that is better wins."""
+    short = tuple(
+        dataclasses.replace(one, loop="closed") for one in recordings
+    )  # as if nothing showed the stick
+    found = _fit(short, other_start(LESS), own_starts=True)
+    _recovered(found)
+
+
+def test_random_starts_find_the_truth(fitted, recordings):
+    found = _fit(recordings, other_start({"J": 2.0, "sigma0": 0.3, "sigma1": 0.4, "vs": 3.0}), starts=4)
+    _recovered(found)
+    again = _fit(recordings, other_start({"J": 2.0, "sigma0": 0.3, "sigma1": 0.4, "vs": 3.0}), starts=4)
+    assert again.cost == found.cost  # the key is fixed
+
+
+def test_new_numbers_do_not_compile_again(fitted):
+    data = experiment(1)  # its simulation compiles nothing that is new either
     clock = CompileClock()
-    again = fit((start, start), experiment(seed=2), encoder_step=FINE, units=UNITS)
+    found = _fit(data, other_start({"J": 1.2, "Fs": 1.1}), bounds={"J": (0.01, 0.05), "vs": (0.01, 0.2)})
     assert clock.seconds == 0.0
-    assert again.mismatch < 0.02
+    _recovered(found)
 
 
-def test_new_starting_values_do_not_compile_again(fitted):
-    recordings = experiment(seed=1)
-    clock = CompileClock()
-    again = fit(
-        (_other_start(J=1.02), _other_start(J=0.9, Fc=1.1, vs=2.0)),
-        recordings,
-        encoder_step=FINE,
-        units=UNITS,
-    )
-    assert clock.seconds == 0.0
-    _recovered(again.parameters, truth(PLANT))
+@pytest.mark.xfail(reason="a fit stops when no parameter moves, while the noise still does")
+def test_the_likelihood_does_not_depend_on_the_start(fitted, recordings):
+    """What is called converged is the top of the likelihood, noise included, within half a unit of it."""
+    for start in (FAR_LESS, {"J": 2.5, "sigma0": 0.3, "sigma1": 0.4, "sigma2": 4, "Fc": 2, "Fs": 2, "vs": 3}):
+        found = _fit(recordings, other_start(start), own_starts=start is FAR_LESS)
+        assert found.success
+        assert found.cost == pytest.approx(fitted.cost, abs=1.0)
 
 
-def test_the_best_of_several_starts_goes_on(fitted):
-    first = fitted.problem.setting.drive
-    hopeless = eqx.tree_at(
-        lambda d: (d.friction.sigma0, d.friction.vs),
-        first,
-        (first.friction.sigma0 / 300.0, first.friction.vs * 20.0),
-    )
-    again = fit((hopeless, first), experiment(), encoder_step=FINE, units=UNITS)
-    for name, found in again.parameters.items():
-        assert abs(found.value - fitted.parameters[name].value) < fitted.stderr[name]
-
-
-def test_a_start_without_viscous_friction_is_fitted_or_refused(fitted):
-    """The logarithm of zero must not leave a fit where it began, and call it converged."""
-    first = fitted.problem.setting.drive
-    start = eqx.tree_at(
-        lambda d: (d.friction.sigma2, d.friction.Fc),
-        first,
-        (0.0 * first.friction.sigma2, 1.1 * first.friction.Fc),
-    )
-    try:
-        found = fit((start, start), experiment(), encoder_step=FINE, units=UNITS)
-    except ValueError as error:
-        assert "sigma2" in str(error)
-    else:
-        assert found.parameters["Fc"].value == pytest.approx(truth(PLANT)["Fc"], rel=0.01)
-
-
-@pytest.mark.slow
-def test_a_known_inertia_is_kept_and_not_reported():
-    found = fit(_other_start(Fc=1.1, sigma2=0.8), experiment(), encoder_step=FINE, known_inertia=True)
-    assert "J" not in found.parameters
-    assert float(found.drive.J) == truth(PLANT)["J"]
-    expected = truth(PLANT)
-    expected.pop("J")
-    _recovered(found.parameters, expected)
-
-
-def test_no_recording_is_an_error():
-    with pytest.raises(ValueError, match=r"`recordings` is empty; `fit` needs at least one recording\."):
-        fit(PLANT, ())
-
-
-def test_starts_without_finite_predictions_are_refused():
-    """A motor constant of 1e300 makes every trajectory overflow."""
-    hopeless = eqx.tree_at(lambda drive: drive.motor_constant, PLANT, 1e300 * PLANT.motor_constant)
-    with pytest.raises(ValueError, match="No starting value gives finite predictions"):
-        fit(hopeless, experiment(), encoder_step=FINE)
-
-
-def test_float32_is_refused():
-    recordings = experiment()
-    with jax.enable_x64(False), pytest.raises(PrecisionError, match="jax_enable_x64"):
-        fit(PLANT, recordings)
+CHOICES = {"fixed": ("J",), "ties": {"Fs": ("Fc", 1.24)}}
+KNOWN_INERTIA = other_start({"sigma0": 0.9, "sigma2": 1.1, "Fc": 0.95, "vs": 0.9})
 
 
 @pytest.fixture(scope="module")
-def quiet():
-    """Noise at a fiftieth of break-away: hardly anything shows beyond inertia, stiffness and damping."""
-    recording = open_loop("quiet", stick_noise(1.2, level=0.02), seed=3)
-    return make_problem(PLANT, make_batch((recording,), encoder_step=FINE))
+def wide(recordings):
+    """One parameter fixed, one tied, one with a wide prior: one structure for all that follows."""
+    return _fit(recordings, KNOWN_INERTIA, priors={"sigma2": (0.08, 10.0)}, **CHOICES)
 
 
-def test_messages_are_sentences(quiet):
-    problem, vector = quiet
-    done = finish(problem, vector, True, UNITS)
-    assert (done.success, done.message) == (True, "The fit converged.")
-    stopped = finish(problem, vector, False, UNITS)
-    assert (stopped.success, stopped.message) == (False, "The fit stopped while still improving slightly.")
-    end = finish(problem, vector.at[0].set(problem.setting.start[0] + 2.0), True, UNITS)
-    assert end.message == "The fit converged. At the end of its range: J."
-    assert not end.parameters["J"].identified
-    assert end.stderr["J"] == float("inf")
-    lost = finish(problem, vector.at[0].set(jnp.nan), True, UNITS)
-    assert not lost.success
-    assert lost.message.endswith("The derivatives overflow at the solution: no standard errors can be given.")
-    assert not any(estimate.identified for estimate in lost.parameters.values())
+class TestChoices:
+    """What is fixed, tied or believed."""
+
+    def test_what_is_fixed_stays(self, wide):
+        assert float(wide.drive.J) == TRUTH["J"]
+        assert "J" not in wide.parameters
+        assert "J" not in wide.names
+        assert wide.names == ("sigma0", "sigma1", "sigma2", "Fc", "vs")
+
+    def test_what_is_tied_follows(self, wide):
+        friction = wide.drive.friction
+        assert float(friction.Fs) == pytest.approx(1.24 * float(friction.Fc), rel=1e-12)
+        tied, source = wide.parameters["Fs"], wide.parameters["Fc"]
+        assert tied.value == pytest.approx(1.24 * source.value, rel=1e-12)
+        assert tied.stderr == pytest.approx(1.24 * source.stderr, rel=1e-6)
+        assert tied.unit == source.unit
+
+    def test_a_wide_prior_does_not_pull(self, wide):
+        _recovered(wide, {name: value for name, value in TRUTH.items() if name != "J"})
+
+    def test_a_tight_prior_pulls(self, wide, recordings):
+        """Between data and prior by their variances; here the prior is as wide as the data's own error."""
+        own = np.sqrt(np.diag(wide.covariance_white))[wide.names.index("sigma2")]
+        mean = wide.parameters["sigma2"].value + 4.0 * own
+        found = _fit(recordings, KNOWN_INERTIA, priors={"sigma2": (mean, own)}, **CHOICES)
+        moved = (found.parameters["sigma2"].value - wide.parameters["sigma2"].value) / own
+        assert moved == pytest.approx(2.0, abs=0.3)
+        tight = np.sqrt(np.diag(found.covariance_white))[wide.names.index("sigma2")]
+        assert tight == pytest.approx(own / np.sqrt(2.0), rel=0.1)
+        held = _fit(recordings, KNOWN_INERTIA, priors={"sigma2": (mean, 0.01 * own)}, **CHOICES)
+        assert held.parameters["sigma2"].value == pytest.approx(mean, abs=0.05 * own)
 
 
-def test_what_the_recordings_do_not_hold_is_not_identified(quiet):
-    """A parameter without information rests on the prior: its standard error is the prior's, not zero."""
-    problem, vector = quiet
-    found = finish(problem, vector, True, UNITS).parameters
-    assert found["J"].identified
-    assert found["sigma0"].identified
-    for name in ("sigma2", "vs"):
-        assert not found[name].identified, f"{name} = {found[name].value} +- {found[name].stderr}"
+def test_a_bound_without_the_truth_is_touched_and_named(recordings):
+    found = _fit(recordings, other_start({"Fc": 0.9}), bounds={"Fc": (0.3, 0.47)})
+    assert float(found.drive.friction.Fc) == pytest.approx(0.47, rel=1e-9)
+    assert found.at_bounds == ("Fc",)
+    assert "At the end of its range: Fc." in found.message
+    assert not found.parameters["Fc"].identified
+    assert found.stderr["Fc"] == float("inf")
 
 
-def test_every_free_parameter_has_a_row_of_its_own(quiet):
-    """Cogging and friction along the stroke both call their parameters sine, cosine and period."""
-    drive = PLANT.with_effects(effect("Ripple"), effect("PeriodicPositionDependence"))
-    layout = effect_layout(drive, {"Fc": 0.5})
-    vector = pack(layout, drive)
-    setting = eqx.tree_at(lambda s: (s.drive, s.start), quiet[0].setting, (drive, vector))
-    assert len(estimates(layout, vector, setting, np.eye(6), {})) == 6
+def test_a_bound_with_the_truth_inside_changes_nothing(fitted, recordings):
+    found = _fit(recordings, bounds={name: (0.5 * value, 2.0 * value) for name, value in TRUTH.items()})
+    assert found.at_bounds == ()
+    for name in TRUTH:
+        apart = abs(found.parameters[name].value - fitted.parameters[name].value)
+        assert apart < 0.1 * fitted.stderr[name], name
 
 
-def test_sandwich_of_independent_noise_is_the_inverse_information():
-    """Linear regression with white noise: (X'X)^-1, for clusters that are many and large enough."""
-    rng = np.random.default_rng(3)
-    X = rng.standard_normal((20000, 3)) @ np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.3], [0.0, 0.0, 2.0]])
-    e = rng.standard_normal(20000)
-    gradients = (X * e[:, None]).reshape(400, 50, 3).sum(1)
-    found = sandwich(X.T @ X, gradients)
-    # A variance from 400 clusters has a relative standard error of sqrt(2/400).
-    np.testing.assert_allclose(np.diag(found), np.diag(np.linalg.inv(X.T @ X)), rtol=3.0 * np.sqrt(2.0 / 400))
+@pytest.mark.xfail(
+    reason="`Posterior.within` moves a coordinate 1e-3 inside its own range, so none is ever at its end"
+)
+def test_the_end_of_the_admissible_range_is_named():
+    """A bristle damped more than a fit allows: a ratio of 1.9 where 1.5 is the most."""
+    damped = other_start({"sigma1": 1.9 * 2.0 * np.sqrt(TRUTH["sigma0"] * TRUTH["J"]) / TRUTH["sigma1"]})
+    found = _fit(experiment(drive=damped), damped)
+    friction = found.drive.friction
+    ratio = float(friction.sigma1 / (2.0 * jnp.sqrt(friction.sigma0 * found.drive.J)))
+    assert ratio == pytest.approx(1.5, rel=0.01)
+    assert "sigma1" in found.at_bounds
+    assert "At the end of its range: sigma1" in found.message
 
 
-def test_sandwich_sees_what_correlates_inside_a_cluster():
-    """A regressor and an error that are constant over each cluster: fifty samples are worth one."""
-    rng = np.random.default_rng(4)
-    x, e = (np.repeat(rng.standard_normal(2000), 50) for _ in range(2))
-    gradients = (x * e).reshape(2000, 50).sum(1)[:, None]
-    found = sandwich(np.array([[x @ x]]), gradients)[0, 0]
-    assert found == pytest.approx(50.0 / (x @ x), rel=3.0 * np.sqrt(2.0 / 2000) * 2.0)
+def test_a_known_sensor_is_believed(recordings):
+    data = [
+        Observation(recordings[0], noise=NOISE),
+        recordings[1],
+        Observation(recordings[2], noise=3.0 * NOISE),
+    ]
+    found = _fit(data)
+    assert found.noise["stick"].position == pytest.approx(NOISE, rel=1e-12)
+    assert found.noise["moves"].position == pytest.approx(3.0 * NOISE, rel=1e-12)
+    assert found.noise["ramps"].position == pytest.approx(NOISE, rel=0.1)
+    # Too much noise is believed, and told: what is left is smaller than stated.
+    assert found.noise["moves"].power < 0.7
 
 
-@pytest.mark.slow
-def test_sliding_alone_recovers_the_truth():
-    """Guesses of the stiffness are mended by what the reversals show."""
-    more = moves(positions=(-0.2, 0.1, 0.3), durations=(0.4, 0.3, 0.5))
-    recordings = (closed_loop("moves", moves(), seed=4), closed_loop("more", more, seed=5))
-    found = fit(starting_values(recordings, motor_constant=KM).drives, recordings, encoder_step=FINE)
-    _recovered(found.parameters, truth(PLANT))
+def test_a_weight_counts_as_so_many_recordings(fitted, recordings):
+    found = _fit([Observation(one, weight=4.0) for one in recordings])
+    np.testing.assert_allclose(
+        np.diag(found.covariance_white), np.diag(fitted.covariance_white) / 4.0, rtol=0.02
+    )
+    for name in TRUTH:
+        assert abs(found.parameters[name].value - fitted.parameters[name].value) < 0.1 * fitted.stderr[name]
 
 
-@pytest.mark.slow
-def test_a_fine_simulation_is_recovered_too():
-    """Simulated with four steps a sample: what one step a sample costs is below 1.5 % of any parameter."""
-    recordings = experiment(substeps=4, seed=3)
-    found = fit(_other_start(Fc=0.9), recordings, encoder_step=FINE)
-    for name, value in truth(PLANT).items():
-        assert found.parameters[name].value == pytest.approx(value, rel=0.015)
+def test_what_weighs_nothing_spoils_nothing(recordings):
+    spoiled = dataclasses.replace(recordings[2], u=1.1 * recordings[2].u)
+    found = _fit([recordings[0], recordings[1], Observation(spoiled, weight=1e-9)])
+    for name in ("J", "sigma0", "sigma1", "Fs"):
+        estimate = found.parameters[name]
+        assert abs(estimate.value - TRUTH[name]) < 4.0 * estimate.stderr, (name, estimate)
+    heard = _fit([recordings[0], recordings[1], spoiled])
+    wrong = [abs(heard.parameters[name].value - TRUTH[name]) / found.stderr[name] for name in ("J", "Fs")]
+    assert max(wrong) > 10.0
 
 
-@pytest.mark.slow
-def test_an_effect_is_fitted_with_the_base():
-    drive = PLANT.with_effects(effect("ConstantLoad", load=0.06))
-    recordings = experiment(drive=drive, seed=4)
-    batch = make_batch(recordings, encoder_step=FINE)
-    start = PLANT.with_effects(effect("ConstantLoad"))
-    found = fit(start, recordings, encoder_step=FINE, scales=plant_scales(PLANT, batch), units=UNITS)
-    _recovered(found.parameters, truth(PLANT) | {"load": 0.06})
-    assert found.parameters["load"].unit == "N*m"
+@pytest.mark.xfail(reason="the cost that rounds are compared by has the noise of every recording at weight 1")
+def test_a_weight_multiplies_the_whole_likelihood(fitted, recordings):
+    found = _fit([Observation(one, weight=4.0) for one in recordings])
+    assert found.cost == pytest.approx(4.0 * fitted.cost, rel=1e-6)
 
 
-@pytest.mark.slow
-def test_standard_errors_are_those_of_repeated_experiments():
-    """Forty experiments with new noise: scatter over stated error, gated by the scatter's own standard error.
+def test_a_known_start_is_taken(recordings):
+    """A machine that is shaken from the first sample on: where it starts is hard to read off, but may be known."""
+    first = driven("stick", stick_input(rest=0), seed=1)
+    data = [Observation(first, x0=0.0, v0=0.0), recordings[1], Observation(recordings[2], x0=1e-9)]
+    found = _fit(data)
+    _recovered(found)
+    assert found.noise["stick"].position == pytest.approx(NOISE, rel=0.1)
+    batch = found.posterior.evidence[0].batch
+    assert (float(batch.x0[0]), float(batch.v0[0])) == (0.0, 0.0)
+    assert float(batch.x0[2]) == 1e-9
+    assert float(batch.x0[1]) != 0.0
 
-    The innovations of the observer are negatively correlated at low frequencies, across the borders of the
-    clusters too: stated errors are larger than the scatter for what shows in smooth motion (up to 1.7 times).
-    """
-    count = 40
-    fits = [fit(PLANT, experiment(seed=seed), encoder_step=FINE) for seed in range(count)]
-    values = np.array([[e.value for e in found.parameters.values()] for found in fits])
-    stated = np.sqrt(np.mean([[e.stderr**2 for e in found.parameters.values()] for found in fits], axis=0))
-    ratio = np.std(values, axis=0, ddof=1) / stated
+
+@pytest.mark.xfail(
+    reason="a line through the first 10 ms is taken for the start, and believed as if noise were all"
+)
+def test_a_machine_that_starts_at_once_does_not_pass_for_noise(recordings):
+    found = _fit([driven("stick", stick_input(rest=0), seed=1), *recordings[1:]])
+    assert found.noise["stick"].position == pytest.approx(NOISE, rel=0.1)
+
+
+@pytest.mark.xfail(reason="bounds below zero are compared with a factor on the wrong side of them")
+def test_a_bound_below_zero_is_named():
+    drive = PLANT.with_effects(effect("ConstantLoad", load=-0.05))
+    start = PLANT.with_effects(effect("ConstantLoad", load=-0.02))
+    free = ("J", "load")
+    found = _fit(experiment(drive=drive), start, free=free, bounds={"load": (-0.03, 0.0)})
+    assert found.parameters["load"].value == pytest.approx(-0.03, rel=1e-9)
+    assert found.at_bounds == ("load",)
+
+
+@pytest.mark.xfail(reason="the noise of recordings of one name overwrites each other")
+def test_recordings_of_one_name_are_kept_apart_or_refused(recordings):
+    twice = [recordings[0], recordings[1], dataclasses.replace(recordings[2], name="stick")]
+    try:
+        found = _fit(twice)
+    except InputError:
+        return
+    assert len(found.noise) == 3
+
+
+@pytest.mark.xfail(
+    reason="held under load the filter loses track: a shaken bristle creeps, which it does not expect"
+)
+def test_a_rest_under_load_does_not_pass_for_an_unmeasured_force(recordings):
+    """After a move the servo holds the machine with a bent bristle, shaken by the unmeasured force."""
+    found = _fit([*recordings[:2], resting("moves", seed=3)])
+    assert PUSH / 1.5 < found.noise["moves"].push < 1.5 * PUSH
+    assert found.noise["moves"].position == pytest.approx(NOISE, rel=0.1)
+
+
+def _spoiled(seed):
+    """A stretch of 0.3 s of the stick in which the amplifier gives three quarters of what is recorded."""
+    stick, ramps, moves = experiment(seed)
+    wrong = (np.arange(SAMPLES) >= 2000) & (np.arange(SAMPLES) < 2300)
+    return dataclasses.replace(stick, u=np.where(wrong, 1.3 * stick.u, stick.u)), ramps, moves
+
+
+@pytest.mark.parametrize(
+    "loss", [Cauchy(), pytest.param(Huber(), marks=pytest.mark.slow)], ids=["cauchy", "huber"]
+)
+def test_a_robust_loss_is_less_biased_by_a_spoiled_stretch(loss):
+    """Mean error over eight draws of what the stick shows. (An extra force in the moves biases neither: the noise of
+    that recording takes it.)"""
+    draws = [_spoiled(seed) for seed in range(8)]
+    plain, robust = ([_fit(data, loss=own) for data in draws] for own in (None, loss))
+    for name in ("J", "sigma1"):
+        bias = [
+            abs(np.mean([found.parameters[name].value / TRUTH[name] - 1.0 for found in fits]))
+            for fits in (plain, robust)
+        ]
+        assert bias[1] < 0.8 * bias[0], (name, bias)
+
+
+def test_a_fit_in_closed_loop_is_unbiased():
+    """Twelve draws of a servo whose input carries the sensor's noise: the mean error of every parameter is within
+    three of its own standard errors; and the scatter is the stated one, by the scatter's own standard error."""
+    count, level = 12, 10.0 * NOISE
+    fits = [_fit(closed_experiment(seed, noise=level)) for seed in range(count)]
+    values = np.array([[found.parameters[name].value for name in TRUTH] for found in fits])
+    error = values / np.array(list(TRUTH.values())) - 1.0
+    spread = np.std(error, axis=0, ddof=1)
+    assert np.all(np.abs(np.mean(error, axis=0)) < 3.0 * spread / np.sqrt(count)), (
+        np.mean(error, axis=0) / spread
+    )
+    stated = np.array([[found.stderr[name] for name in TRUTH] for found in fits]) / np.array(
+        list(TRUTH.values())
+    )
+    ratio = spread / np.sqrt(np.mean(stated**2, axis=0))
     allowed = 1.0 + 3.0 / np.sqrt(2.0 * (count - 1))
     assert np.all(ratio < allowed), ratio
-    assert np.all(ratio > 0.5 / allowed), ratio
-    # A bias far below a thousandth is left by the correction of the bristle, which is not linear in the noise.
-    bias = np.mean(values, axis=0) / np.array(list(truth(PLANT).values())) - 1.0
-    stderr = np.std(values, axis=0, ddof=1) / np.sqrt(count) / np.array(list(truth(PLANT).values()))
-    assert np.all(np.abs(bias) < 3.0 * stderr + 1e-3), bias
+    assert np.all(ratio > 1.0 / (2.0 * allowed)), ratio
+    for found in fits:
+        assert all(one.position == pytest.approx(level, rel=0.1) for one in found.noise.values())
+
+
+class TestRefusals:
+    """Errors are sentences with a cure."""
+
+    def test_nothing_moves(self):
+        rng = np.random.default_rng(0)
+        still = [
+            Recording(name, RATE, np.zeros(SAMPLES), 1e-6 * rng.integers(-1, 2, SAMPLES))
+            for name in ("one", "two")
+        ]
+        with pytest.raises(
+            InputError, match=r"no recording moves by more than a few steps.*Excite the machine more"
+        ):
+            _fit(still)
+
+    def test_one_that_does_not_move_is_told(self, recordings):
+        steps = 1e-6 * np.random.default_rng(0).integers(-1, 2, SAMPLES)
+        found = _fit([Recording("still", RATE, np.zeros(SAMPLES), steps), *recordings[1:]])
+        assert "`still` hardly moves: it says next to nothing." in found.message
+
+    def test_what_no_data_hold_is_told(self):
+        """Three recordings of noise alone."""
+        rng = np.random.default_rng(0)
+        quiet = [Recording(n, RATE, np.zeros(SAMPLES), NOISE * rng.standard_normal(SAMPLES)) for n in NAMES]
+        found = _fit(quiet)
+        assert not any(estimate.identified for estimate in found.parameters.values())
+        assert "Not held by these data: J, sigma0, sigma1, sigma2, Fc, Fs, vs" in found.message
+
+    @pytest.mark.parametrize("channel", ["u", "x"])
+    def test_a_gap(self, recordings, channel):
+        values = np.array(getattr(recordings[1], channel))
+        values[100:103] = np.nan
+        with pytest.raises(InputError, match=rf"`{channel}` of `ramps` holds 3 values that are not finite"):
+            _fit([recordings[0], dataclasses.replace(recordings[1], **{channel: values})])
+
+    def test_too_short(self, recordings):
+        cut = dataclasses.replace(recordings[0], u=recordings[0].u[:150], x=recordings[0].x[:150])
+        with pytest.raises(
+            InputError, match=r"`stick` has 150 samples; at 1000 Hz 200 are the least.*record longer"
+        ):
+            _fit([cut])
+
+    @pytest.mark.parametrize("choice", [{"weight": 0.0}, {"weight": -1.0}, {"noise": 0.0}, {"noise": -1e-6}])
+    def test_weights_and_noise_that_are_not_positive(self, recordings, choice):
+        with pytest.raises(InputError, match=r"`data`.*Give positive numbers\."):
+            _fit([Observation(recordings[0], **choice)])
+
+    def test_no_data(self):
+        with pytest.raises(
+            InputError, match=r"`data`: there is nothing to fit\. Give at least one recording"
+        ):
+            _fit([])
+
+    def test_no_start(self, recordings):
+        with pytest.raises(InputError, match=r"`drive`: no start is given"):
+            _fit(recordings, ())
+
+    @pytest.mark.parametrize("name", ["Fc", "sigma2", "J"])
+    def test_a_start_at_zero(self, recordings, name):
+        with pytest.raises(ValueError, match=rf"`drive` starts at {name} = 0.*positive starting values"):
+            _fit(recordings, other_start({name: 0.0}))
+
+    def test_a_start_that_overflows(self, recordings):
+        hopeless = other_start({})
+        hopeless = dataclasses.replace(hopeless, motor_constant=1e300 * hopeless.motor_constant)
+        with pytest.raises(ValueError, match="No starting value gives finite predictions; check"):
+            _fit(recordings, hopeless)
+
+    def test_float32(self, recordings):
+        with jax.enable_x64(False), pytest.raises(PrecisionError, match="jax_enable_x64"):
+            _fit(recordings)
+
+    def test_choices_that_cannot_be_meant(self, recordings):
+        with pytest.raises(InputError, match=r"`fixed`: `mass` is not a parameter of this drive"):
+            _fit(recordings, fixed=("mass",))
+
+
+def test_what_breaks_away_is_inside_the_recordings(recordings):
+    """The experiment is what it says: stick stays in stick, ramps break away, moves move."""
+    stick, ramps, moves = recordings
+    bent = TRUTH["Fs"] / TRUTH["sigma0"]
+    assert np.ptp(stick.x) < 2.0 * bent
+    assert np.ptp(ramps.x) > 10.0 * bent
+    assert np.ptp(moves.x) > 100.0 * bent
+    assert np.max(np.abs(ramps.u)) > VOLT

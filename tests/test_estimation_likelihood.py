@@ -12,9 +12,16 @@ from scipy.optimize import least_squares
 
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.deflection import fit_deflections
-from frictionjax.estimation.fit import make_problem
-from frictionjax.estimation.least_squares import jacobian_of, levenberg_marquardt, predicted_errors
+from frictionjax.estimation.least_squares import (
+    Innovations,
+    equal_curvature,
+    jacobian_of,
+    levenberg_marquardt,
+    predicted_errors,
+)
+from frictionjax.estimation.loss import Cauchy, Gaussian, Huber
 from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.problem import make_problem
 from frictionjax.estimation.residuals import block_power, mismatch, standardised, weights
 
 _lanes = eqx.filter_jit(jax.vmap(predicted_errors, (None, 0, None)))
@@ -130,18 +137,21 @@ def test_blocks_without_scored_samples_count_for_nothing(batch):
     assert float(mismatch(power, jnp.asarray(2.0), batch)) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_two_roads_of_least_squares(problem):
-    """optimistix in forward mode against scipy with numerical derivatives, on one weighted residual."""
+@pytest.mark.parametrize("loss", [Gaussian(), Cauchy(), Huber(1.2)], ids=lambda loss: type(loss).__name__)
+def test_two_roads_of_least_squares(problem, loss):
+    """optimistix on the compressed cost, in forward mode, against scipy on one residual for every sample, with
+    numerical derivatives. A block's residuals are its errors times sqrt(rho(b)/b): their squares sum to n rho(b)."""
     made, vector = problem
-    setting, layout = made.setting, made.layout
-    root = np.sqrt(np.asarray(made.weighted(made.power(vector), 1.0).setting.weight))
-    weighted = eqx.tree_at(lambda s: s.weight, setting, jnp.asarray(root**2))
+    setting, layout, batch = made.setting, made.layout, made.setting.batch
     away = np.asarray(vector) + np.array([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.0, 0.1])
 
     def residual(points):
-        e = np.asarray(_lanes(layout, jnp.asarray(points), setting)) * root
+        e = _lanes(layout, jnp.asarray(points), setting)
+        power = jax.vmap(lambda lane: block_power(lane, batch))(e)
+        safe = jnp.where(power > 0.0, power, 1.0)
+        root = jnp.repeat(jnp.sqrt(loss.cost(safe) / safe), batch.block, axis=-1)
         prior = (points - np.asarray(setting.start)) * np.asarray(setting.prior)
-        return np.concatenate([e.reshape(len(points), -1), prior], axis=1)
+        return np.concatenate([np.asarray(e * root).reshape(len(points), -1), prior], axis=1)
 
     def slope(q):
         h = 1e-5 * np.eye(q.size)
@@ -149,21 +159,34 @@ def test_two_roads_of_least_squares(problem):
         return ((moved[: q.size] - moved[q.size :]) / 2e-5).T
 
     scipys = least_squares(lambda q: residual(q[None])[0], away, slope, xtol=1e-12, ftol=1e-12, gtol=1e-10)
-    ours, count = levenberg_marquardt(layout, jnp.asarray(away), weighted, 60)
+    objective = Innovations(layout, setting, loss)
+    unit = equal_curvature(objective, jnp.asarray(away))
+    ours, least, count, _ = levenberg_marquardt(objective, jnp.asarray(away), unit, 60, tolerance=1e-4)
     assert 1 < int(count) < 60
     cost = 0.5 * float(np.sum(residual(np.asarray(ours)[None]) ** 2))
+    assert float(least) == pytest.approx(cost, rel=1e-9)
     assert cost == pytest.approx(scipys.cost, rel=1e-5)
     assert cost < 0.9 * 0.5 * np.sum(residual(away[None]) ** 2)
-    stderr = np.sqrt(np.diag(np.linalg.inv(scipys.jac.T @ scipys.jac)))
+    stderr = np.sqrt(np.diag(np.linalg.inv(objective.quadratic(ours).hessian)))
     assert np.max(np.abs(np.asarray(ours) - scipys.x) / stderr) < 0.05
 
 
 def test_a_failing_step_keeps_the_best_vector(problem):
     """From a start whose run overflows, nothing is thrown and nothing is lost."""
     made, vector = problem
-    start = vector.at[0].set(jnp.nan)
-    found, _ = levenberg_marquardt(made.layout, start, made.setting, 60)
+    start, objective = vector.at[0].set(jnp.nan), Innovations(made.layout, made.setting, Cauchy())
+    unit = equal_curvature(objective, start)
+    assert bool(jnp.all(jnp.isfinite(unit)))
+    found = levenberg_marquardt(objective, start, unit, 60).vector
     assert found.shape == vector.shape
+
+
+def test_units_have_equal_curvature(problem):
+    made, vector = problem
+    objective = Innovations(made.layout, made.setting, Cauchy())
+    unit = np.asarray(equal_curvature(objective, vector))
+    bent = unit[:, None] * np.asarray(objective.quadratic(vector).hessian) * unit[None]
+    np.testing.assert_allclose(np.diag(bent), np.diag(bent)[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("deflection", [-0.5, 0.3])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from helpers_plants import FORMS, PLANTS, ROTARY, STAGE, effect
 
-from frictionjax.core import InputError
+from frictionjax.core import Estimate, InputError
+from frictionjax.estimation import FitResult
 from frictionjax.exchange.mujoco import mujoco_joint
 from frictionjax.simulation import simulate
 
@@ -178,3 +179,74 @@ def test_wrong_arguments_are_sentences():
     many = eqx.tree_at(lambda d: d.J, ROTARY, jnp.ones(3))
     with pytest.raises(ValueError, match=r"`drive` holds arrays \(J\); MuJoCo takes one drive"):
         mujoco_joint(many)
+
+
+FREE = ("J", "sigma0", "sigma1", "sigma2", "Fc", "vs", "stiffness")
+
+
+def fitted(drive, free=FREE, **ends):
+    """What a fit of `drive` might have found: errors of 1 % or as in `ends`, Fs tied to Fc, springs that correlate."""
+    labels = {"J": drive.J} | {name: getattr(drive.friction, name) for name in ("Fs", *FREE[1:6])}
+    springs = [spring.stiffness for spring in drive.effects]
+    labels |= dict(zip(("stiffness", "return_spring.stiffness"), springs, strict=False))
+    errors = {name: 0.01 * abs(float(value)) for name, value in labels.items()} | ends
+    own = np.array([errors[name] for name in free])
+    matrix = np.diag(own**2)
+    if "return_spring.stiffness" in free:
+        i, j = free.index("stiffness"), free.index("return_spring.stiffness")
+        matrix[i, j] = matrix[j, i] = -0.9 * own[i] * own[j]
+    return FitResult(
+        drive=drive,
+        parameters={name: Estimate(float(value), errors[name], "1") for name, value in labels.items()},
+        names=free,
+        covariance=matrix,
+        covariance_white=matrix,
+        noise={},
+        cost=0.0,
+        success=True,
+        message="",
+        at_bounds=(),
+    )
+
+
+SPRUNG = ROTARY.with_effects(effect("ReturnSpring", stiffness=2.0))
+
+
+@pytest.mark.parametrize("friction", ["lugre", "frictionloss"])
+def test_a_fit_is_its_drive_with_standard_errors(friction):
+    joint = mujoco_joint(fitted(SPRUNG), friction=friction)
+    plain = mujoco_joint(SPRUNG, friction=friction)
+    assert plain.stderr == {}
+    assert (joint.joint, joint.actuators, joint.lost) == (plain.joint, plain.actuators, plain.lost)
+    expected = {"armature": 3e-4, "body_inertia": 0.0, "damping": 6e-4, "gear": 0.0, "stiffness": 0.02}
+    if friction == "lugre":
+        expected |= {"sigma0": 20.0, "sigma1": 0.06, "Fc": 5e-3, "Fs": 6.2e-3, "vs": 6e-4}
+    else:
+        expected |= {"frictionloss": 5e-3}
+        assert joint.lost[0].startswith("Presliding is lost")
+    assert joint.stderr == pytest.approx(expected)
+
+
+def test_the_error_of_the_inertia_goes_where_the_inertia_goes():
+    """A body that is given is known; the armature is the rest."""
+    result = fitted(SPRUNG)
+    for kind, body, expected in (
+        ("slide", None, (0.0, 3e-4)),
+        ("slide", 0.01, (3e-4, 0.0)),
+        ("hinge", 0.01, (3e-4, 0.0)),
+    ):
+        stderr = mujoco_joint(result, kind=kind, body_inertia=body).stderr
+        assert (stderr["armature"], stderr["body_inertia"]) == pytest.approx(expected)
+
+
+def test_springs_add_with_their_correlation():
+    """Two springs of 2 % each and -0.9 between them; what is tied adds at its worst."""
+    two = SPRUNG.with_effects(effect("ReturnSpring", stiffness=2.0))
+    both = (*FREE, "return_spring.stiffness")
+    assert mujoco_joint(fitted(two, both)).stderr["stiffness"] == pytest.approx(0.02 * np.sqrt(0.2))
+    assert mujoco_joint(fitted(two)).stderr["stiffness"] == pytest.approx(0.04)
+
+
+def test_what_the_data_do_not_hold_has_an_infinite_error():
+    stderr = mujoco_joint(fitted(SPRUNG, sigma2=np.inf, stiffness=np.inf)).stderr
+    assert [name for name, error in stderr.items() if error == np.inf] == ["damping", "stiffness"]

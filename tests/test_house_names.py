@@ -25,7 +25,13 @@ EXPECTED = sorted(
         *("BLA", "Resonances", "ZeroAmplitude"),
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
         *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
-        *("configure_jax", "simulate_batch"),
+        *("configure_jax", "simulate_batch", "simulate_imposed"),
+        *("Observation", "Gaussian", "Cauchy", "Huber", "Replicas", "fit_many"),
+        *("Profile", "profile_likelihood", "Bootstrap", "bootstrap"),
+        *("Information", "fisher_information", "Identifiability", "identifiability"),
+        *("Ranking", "rank_experiments", "Discrimination", "rank_for_discrimination"),
+        *("DesignedMultisine", "optimise_multisine"),
+        *("load_fit", "save_fit", "MujocoJoint", "mujoco_joint"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }
 )

@@ -174,6 +174,55 @@ def _fit_with_an_effect(k) -> Call:
     return lambda: api.fit(loaded(1.0), seen, encoder_step=FINE, scales={"Fc": (0.5, 0.5, 0.6)[k]})
 
 
+def _fit_many(k) -> Call:
+    sets = [recordings(2 * k), recordings(2 * k + 1)]
+    return lambda: api.fit_many(start(1.0 + 0.1 * k), sets, encoder_step=FINE)
+
+
+@functools.cache
+def _fitted():
+    """One fit for all who start from a result."""
+    return api.fit(start(1.0), recordings(0), encoder_step=FINE, own_starts=False)
+
+
+def _profile_likelihood(k) -> Call:
+    result, name = _fitted(), ("J", "sigma0")[k]
+    return lambda: api.profile_likelihood(result, name).deviance
+
+
+def _bootstrap(k) -> Call:
+    result = _fitted()
+    return lambda: api.bootstrap(result, 4, jax.random.key(k)).values
+
+
+def _simulate_imposed(k) -> Call:
+    x = 1e-5 * np.cumsum(_noise(k, 314))
+    return lambda: api.simulate_imposed(DRIVES[k], x, RATES[k], z0=1e-6 * k)
+
+
+def _fisher_information(k) -> Call:
+    u = _noise(k, 315)
+    return lambda: api.fisher_information(DRIVES[k], u, RATES[k], 1e-6 * (1 + k)).matrix
+
+
+def _rank_experiments(k) -> Call:
+    candidates = {"noise": _noise(k, 316), "more": 2.0 * _noise(k, 316, 1)}
+    return lambda: api.rank_experiments(DRIVES[k], candidates, RATES[k], 1e-6 * (1 + k)).best
+
+
+def _rank_for_discrimination(k) -> Call:
+    load, asymmetry = effect("ConstantLoad", load=0.1 + 0.01 * k), effect("ViscousAsymmetry", asymmetry=0.1)
+    candidates = {"noise": _noise(k, 317), "more": 2.0 * _noise(k, 317, 1)}
+    return lambda: (
+        api.rank_for_discrimination(DRIVES[k], load, asymmetry, candidates, RATES[k], 1e-6 * (1 + k)).best
+    )
+
+
+def _optimise_multisine(k) -> Call:
+    u = excitation.multisine(jax.random.key(k), 318, RATES[0], (10.0, 400.0), 0.1 + 0.01 * k)
+    return lambda: api.optimise_multisine(DRIVES[k], u, RATES[0], 1e-6 * (1 + k), steps=2).amplitudes
+
+
 def _diagnose(k) -> Call:
     """With one effect in place of the whole catalogue. It is named both times: another course needs other programs."""
     drive = PLANT.with_effects(effect("ConstantLoad", load=(0.06, 0.065)[k]))
@@ -220,6 +269,14 @@ TRACED = (
     Traced("compare_estimators", _compare_estimators, slow=True),
     Traced("fit", _fit, ("numbers", "names", "lengths", "sample_rate")),
     Traced("fit", _fit_with_an_effect, ("numbers_with_effect", "scale_of_effect"), slow=True),
+    Traced("fit_many", _fit_many, slow=True),
+    Traced("profile_likelihood", _profile_likelihood, ("parameter",), slow=True),
+    Traced("bootstrap", _bootstrap, ("key",), slow=True),
+    Traced("simulate_imposed", _simulate_imposed),
+    Traced("fisher_information", _fisher_information),
+    Traced("rank_experiments", _rank_experiments),
+    Traced("rank_for_discrimination", _rank_for_discrimination, slow=True),
+    Traced("optimise_multisine", _optimise_multisine, slow=True),
     Traced("diagnose", _diagnose, slow=True),
 )
 
@@ -241,7 +298,14 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         "a handful of small least squares, in numpy",
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
     ),
+    "identifiability": (
+        "small matrices, in numpy",
+        lambda folder: api.identifiability(_information()),
+    ),
     "load_case": ("reads files", lambda folder: toml(folder)()),
+    "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
+    "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
+    "save_fit": ("writes a file", lambda folder: _saved(folder)),
     "resonances": (
         "small least squares next to one peak, in numpy",
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
@@ -258,6 +322,20 @@ def _configure() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])  # put back afterwards
         api.configure_jax()
+
+
+def _information() -> api.Information:
+    matrix = 1e8 * (np.eye(2) + 0.1)
+    return api.Information(("J", "Fc"), ("", ""), (True, True), np.ones(2), np.ones(2), matrix[None])
+
+
+def _saved(folder):
+    covariance = np.eye(1)
+    result = api.FitResult(
+        PLANT, {"J": api.Estimate(1.0, 0.1, "kg")}, ("J",), covariance, covariance, {}, 0.0, True, "Done.", ()
+    )
+    api.save_fit(result, folder / "fit.json")
+    return folder / "fit.json"
 
 
 def _plain(*, seed, gain):

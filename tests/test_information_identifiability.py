@@ -1,13 +1,22 @@
 """What the data do not hold is named in words: sums, ratios, single parameters, and groups."""
 
+import dataclasses
+
+import jax
 import numpy as np
 import pytest
 from helpers_information import BREAK_AWAY, PRESLIDING, RATE, SLIDING, plan
-from helpers_plants import PLANTS, ROTARY, TABLE_I
+from helpers_plants import PLANTS, ROTARY, TABLE_I, effect
 
-from frictionjax.core import InputError
+from frictionjax.core import InputError, PrecisionError
+from frictionjax.estimation import fit
+from frictionjax.exchange import load_fit, save_fit
+from frictionjax.exchange.fit_file import fit_to_json
+from frictionjax.excitation import prbs
 from frictionjax.information.fisher import Information, fisher_information
 from frictionjax.information.identifiability import identifiability, information_of
+from frictionjax.recordings import Recording
+from frictionjax.simulation import simulate
 
 SUM = "sigma1 and sigma2 are held only as a sum"
 
@@ -182,3 +191,115 @@ def test_a_strength_counts_against_its_typical_size():
 def test_bad_input_is_a_sentence(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A fit of the base model and a load to noise at a twentieth of break-away, which holds no load."""
+    rate, rng = 1000.0, np.random.default_rng(3)
+    breakaway = float(ROTARY.friction.Fs / ROTARY.motor_constant)
+    u = np.asarray(prbs(jax.random.key(3), 1500, rate, 200.0, 0.05 * breakaway))
+    x = np.asarray(simulate(ROTARY, u, rate, substeps=2).x) + 1e-6 * rng.standard_normal(1500)
+    drive = ROTARY.with_effects(effect("ConstantLoad"))
+    return fit(drive, (Recording("quiet", rate, u, x),), encoder_step=1e-9, scales={"Fc": 0.5})
+
+
+def test_a_fit_of_presliding_holds_only_the_sum_of_the_dampings(fitted):
+    assert fitted.success and fitted.at_bounds == ()
+    found = identifiability(fitted)
+    assert found.sentences[0] == (
+        f"{SUM}: without sliding, friction opposes velocity by sigma1 + sigma2. Add sliding moves at several "
+        "velocities."
+    )
+    # Of what is not held at all the values are anyone's guess, and so is whether it is alone in that.
+    assert all("Add slow moves through break-away" in one for one in found.sentences[1:])
+    assert found.lost == ("sigma2", "Fc", "vs")
+    assert {name for name, one in fitted.parameters.items() if not one.identified} <= set(found.lost)
+    # The data, not the prior, hold the rest: nothing is held better than the fit says, with its prior.
+    total = sum(fitted.parameters[name].value for name in ("sigma1", "sigma2"))
+    assert abs(total / 6.06 - 1.0) < 4.0 * found.combinations["sigma1 + sigma2"] < 0.02
+    for name in ("J", "sigma0"):
+        own = fitted.parameters[name]
+        assert 1.0 - 1e-9 < found.held[name] / (own.stderr / own.value) < 2.0
+    # A strength counts against its typical size: zero within its error, and held.
+    assert found.held["load"] == pytest.approx(fitted.stderr["load"], rel=0.1)
+    assert abs(fitted.parameters["load"].value) < 3.0 * found.held["load"]
+
+
+def test_a_fit_that_was_read_from_a_file_is_reported_alike(fitted, tmp_path):
+    again = load_fit(save_fit(fitted, tmp_path / "fit.json"))
+    assert fit_to_json(again) == fit_to_json(fitted)
+    assert (again.posterior, again.vector) == (None, None)
+    here, there = identifiability(fitted), identifiability(again)
+    assert there.held == pytest.approx(here.held, rel=1e-6)
+    assert there.combinations == pytest.approx(here.combinations, rel=1e-6)
+    assert (there.lost, there.sentences) == (here.lost, here.sentences)
+
+
+def test_without_a_scale_a_strength_counts_against_its_own_size(fitted):
+    """The stroke, in which a stiffness is measured, is not in a file."""
+
+    def sprung(value):
+        load = effect("ReturnSpring", stiffness=value)
+        drive = dataclasses.replace(fitted.drive, effects=(load,))
+        estimate = dataclasses.replace(fitted.parameters["load"], value=value)
+        parameters = {name: one for name, one in fitted.parameters.items() if name != "load"}
+        return dataclasses.replace(
+            fitted,
+            drive=drive,
+            parameters=parameters | {"stiffness": estimate},
+            names=(*fitted.names[:-1], "stiffness"),
+            posterior=None,
+            vector=None,
+        )
+
+    error = fitted.stderr["load"]
+    assert "stiffness" in identifiability(sprung(-3.0 * error)).held
+    assert "stiffness" in identifiability(sprung(0.5 * error)).lost
+    assert "stiffness" in identifiability(sprung(0.0)).lost
+
+
+def test_parameters_at_their_ends_are_lost_by_themselves(fitted):
+    plain = identifiability(fitted)
+    found = identifiability(dataclasses.replace(fitted, at_bounds=("Fc", "vs")))
+    assert found.lost == plain.lost
+    assert found.sentences == (
+        plain.sentences[0],
+        "Fc and vs ended at an end of the admissible range, which gives the value, not the data. Widen the `bounds` if "
+        "they are yours, or add slow moves through break-away, such as a ramp of the force to twice the static "
+        "friction.",
+    )
+    assert found.held["J"] == pytest.approx(plain.held["J"], rel=0.01)
+    everything = identifiability(dataclasses.replace(fitted, at_bounds=fitted.names))
+    assert (everything.held, everything.combinations, everything.lost) == ({}, {}, fitted.names)
+    assert "load ended at an end" in everything.sentences[-1]
+    assert "experiment that excites it" in everything.sentences[-1]
+
+
+def test_parameters_without_a_finite_variance_are_lost_by_themselves(fitted):
+    wide = fitted.covariance.copy()
+    wide[0], wide[:, 0] = np.inf, np.inf
+    found = identifiability(dataclasses.replace(fitted, covariance=wide))
+    assert found.lost == ("J", "sigma2", "Fc", "vs")
+    assert found.sentences[0].startswith(SUM)
+    assert found.sentences[-1] == (
+        "J got no finite variance in this fit. Fit again from other starting values."
+    )
+    nothing = identifiability(dataclasses.replace(fitted, covariance=np.full_like(wide, np.inf)))
+    assert (nothing.held, nothing.lost, len(nothing.sentences)) == ({}, fitted.names, 1)
+
+
+def test_model_error_widens_what_a_fit_holds(fitted):
+    """Raised standard deviations, as the sandwich raises them, come out."""
+    twice = identifiability(dataclasses.replace(fitted, covariance=4.0 * fitted.covariance)).held
+    for name in ("J", "sigma0", "load"):
+        assert twice[name] == pytest.approx(2.0 * identifiability(fitted).held[name], rel=0.01)
+
+
+def test_a_torn_covariance_and_float32_are_refused(fitted):
+    torn = fitted.covariance.copy()
+    torn[0, 1] = np.nan
+    with pytest.raises(InputError, match="not finite"):
+        identifiability(dataclasses.replace(fitted, covariance=torn))
+    with jax.enable_x64(False), pytest.raises(PrecisionError, match="float64"):
+        identifiability(fitted)

@@ -20,13 +20,14 @@ MOTOR = Parameter("motor_constant", "{force}/{input}", "force per input unit", "
 class Tie(eqx.Module):
     """A parameter that follows another: `label` = `factor` times `source`.
 
-    **Attributes:** `path`, `source_path` (places in the `Drive`), `label`, `source`, `factor`.
+    **Attributes:** `path`, `source_path` (places in the `Drive`), `label`, `source`, `unit` of the label, `factor`.
     """
 
     path: str = eqx.field(static=True)
     source_path: str = eqx.field(static=True)
     label: str = eqx.field(static=True)
     source: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
     factor: Float[Array, ""] = eqx.field(converter=real)
 
 
@@ -74,15 +75,17 @@ def resolve(
     ties: Mapping[str, tuple[str, float]],
     bounds: Mapping[str, tuple[float, float]],
     priors: Mapping[str, tuple[float, float]],
+    imposed: bool = False,
 ) -> Constraints:
-    """The choices of a fit of `drive` to samples of `dt` s, checked against each other; arguments as in `fit`.
+    """The choices of a fit of `drive` to samples of `dt` s, checked against each other; `imposed` as in
+    `parameters.Free`, other arguments as in `fit`.
 
     **Raises:**
 
     `InputError` for a name that is not a parameter, one that is asked to be two things at once, ties that lead in a
     circle or against physics, bounds that are empty or that the start is outside of, and a prior without width.
     """
-    layout = (*base_layout(drive, dt), Free("motor_constant", MOTOR, "motor_constant"))
+    layout = (*base_layout(drive, dt, imposed=imposed), Free("motor_constant", MOTOR, "motor_constant"))
     layout += effect_layout(drive, dict(scales))
     known = {one.label: one for one in layout}
     asked = {"free": free or (), "fixed": fixed, "ties": ties, "bounds": bounds, "priors": priors}
@@ -150,7 +153,8 @@ def _ties(ties: Mapping[str, tuple[str, float]], known: Mapping[str, Free]) -> t
         ):
             cure = "Static friction is above Coulomb friction: mend the factor."
             _fail("ties", f"{name} = {factor:g} {source} contradicts Fs > Fc", cure)
-        found.append(Tie(known[name].path, known[source].path, name, source, factor))
+        unit = known[name].parameter.unit
+        found.append(Tie(known[name].path, known[source].path, name, source, unit, factor))
     return tuple(found)
 
 

@@ -15,7 +15,7 @@ from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_
 from frictionjax.estimation.loss import AbstractLoss, Gaussian
 from frictionjax.estimation.observation import Observation, Sorted, sort_data
 from frictionjax.estimation.observer_fit import require_positive
-from frictionjax.estimation.parameters import pack
+from frictionjax.estimation.parameters import pack, part_of
 from frictionjax.estimation.posterior import Posterior
 from frictionjax.estimation.problem import FAST_BANDWIDTH, weak_prior
 from frictionjax.estimation.refine import Refined, refine
@@ -23,6 +23,7 @@ from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.settle import robust_costs, settle
 from frictionjax.estimation.start import starting_values
+from frictionjax.estimation.start_imposed import starting_values_imposed
 from frictionjax.frequency import FRF
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
@@ -30,6 +31,7 @@ from frictionjax.recordings import Recording
 _SPREAD = 4.0  # factor by which random starts differ from the given one, at most
 _CLEAN = 0.02  # robust cost after settling: below it the model holds, and no other start is worth a look
 _WAYS = 3  # starts that are followed to the bottom, at most
+_LOST = "Where all motion is imposed inertia does not act: J is kept at its start."
 
 
 def fit(
@@ -96,6 +98,11 @@ def fit(
     for one in given:
         require_positive(one)
     pieces = sort_data(data)
+    imposed = bool(pieces.forces) and not pieces.positions and not pieces.responses
+    notes = pieces.notes
+    if "J" not in fixed and (known_inertia or (imposed and _inertia_is_lost(ties or {}, priors or {}))):
+        fixed = (*fixed, "J")
+        notes += () if known_inertia else (_LOST,)
     batch = _batch_of(pieces.positions, encoder_step)
     template, dt = given[0], _shortest(pieces)
     sizes = scales if scales is not None else _sizes(template, batch, pieces)
@@ -104,16 +111,19 @@ def fit(
         dt,
         sizes,
         free=free,
-        fixed=(*fixed, *(("J",) if known_inertia and "J" not in fixed else ())),
+        fixed=fixed,
         ties=ties or {},
         bounds=bounds or {},
         priors=priors or {},
+        imposed=imposed,
     )
     posterior = _posterior(template, constraints, batch, pieces, loss or Gaussian())
     vectors = [_vector(posterior, one) for one in given]
-    if own_starts and pieces.positions:
+    if own_starts and (pieces.positions or pieces.forces):
         progress("starting values", 0.0)
-        vectors += [_vector(posterior, one) for one in _own(template, pieces)]
+        own, seen = _own(template, pieces, constraints)
+        vectors += [_vector(posterior, one) for one in own]
+        notes += seen
     known = np.array([one.noise is not None for one in pieces.positions], dtype=bool)
     refined = _best(posterior, vectors, starts, key, substeps, known, progress)
     progress("standard errors", 0.95)
@@ -121,7 +131,7 @@ def fit(
         (tuple(one.data.name for one in pieces.forces),) if pieces.forces else ()
     )
     names += tuple((f"response {index + 1}",) for index in range(len(pieces.responses)))
-    return make_result(refined, names, units or {}, pieces.notes)
+    return make_result(refined, names, units or {}, notes)
 
 
 def _shortest(pieces: Sorted) -> float:
@@ -158,12 +168,10 @@ def _posterior(drive, constraints: Constraints, batch, pieces: Sorted, loss) -> 
         blocks = batch.x.shape[1] // batch.block
         weights.append(np.repeat([one.weight for one in pieces.positions], blocks))
     if pieces.forces:
-        forces = make_forces(tuple(one.data for one in pieces.forces))
-        noise = [
-            level if one.noise is None else one.noise
-            for one, level in zip(pieces.forces, forces.noise, strict=True)
-        ]
-        evidence.append(eqx.tree_at(lambda f: f.noise, forces, jnp.asarray(noise, dtype=float)))
+        forces = make_forces(
+            tuple(one.data for one in pieces.forces), tuple(one.noise for one in pieces.forces)
+        )
+        evidence.append(forces)
         weights.append(np.repeat([one.weight for one in pieces.forces], forces.x.shape[1] // forces.block))
     for one in pieces.responses:
         response = make_response(one.data, one.band, hold=one.hold)
@@ -187,18 +195,42 @@ def _vector(posterior: Posterior, drive: Drive) -> Float[Array, " q"]:
     return posterior.start.at[:count].set(pack(posterior.constraints.layout, drive))
 
 
-def _own(template: Drive, pieces: Sorted) -> list[Drive]:
-    """Starts read off the recordings, with the effects and the motor constant of `template`."""
-    found = starting_values(
-        tuple(one.data for one in pieces.positions), motor_constant=float(template.motor_constant)
-    )
-    return [eqx.tree_at(lambda d: (d.J, d.friction), template, (one.J, one.friction)) for one in found.drives]
+def _own(template: Drive, pieces: Sorted, constraints: Constraints) -> tuple[list[Drive], tuple[str, ...]]:
+    """Starts read off the recordings, with the effects, the motor constant and what is not free of `template`; and
+    what imposed motions were not seen to show, in sentences."""
+    free = [one.label for one in constraints.layout]
+    motor_constant = float(template.motor_constant)
+    if pieces.positions:
+        found = starting_values(tuple(one.data for one in pieces.positions), motor_constant=motor_constant)
+    else:
+        found = starting_values_imposed(
+            tuple(one.data for one in pieces.forces),
+            inertia=None if "J" in free else float(template.J),
+            responses=tuple(one.data for one in pieces.responses),
+            motor_constant=motor_constant,
+        )
+    own = []
+    for one in found.drives:
+        drive = eqx.tree_at(lambda d: (d.J, d.friction), template, (one.J, one.friction))
+        # Some coordinates are ratios to a parameter that may be fixed: it is then that of `template`.
+        for path in ("J", *(f"friction.{parameter.name}" for parameter in template.friction.parameters)):
+            if path.removeprefix("friction.") not in free:
+                drive = eqx.tree_at(lambda d, path=path: part_of(d, path), drive, part_of(template, path))
+        own.append(drive)
+    return own, () if pieces.positions else found.notes
+
+
+def _inertia_is_lost(
+    ties: Mapping[str, tuple[str, float]], priors: Mapping[str, tuple[float, float]]
+) -> bool:
+    """Whether nothing but its start tells J where all motion is imposed."""
+    return "J" not in priors and "J" not in ties and all(source != "J" for source, _ in ties.values())
 
 
 def _best(posterior, vectors: list, starts: int, key, substeps: int, known, progress: Progress) -> Refined:
     """The best end of the ways down: of the most promising start, and of the next where that end looks wrong."""
     stacked = jnp.stack(vectors)
-    costs = robust_costs(posterior, stacked)
+    costs = np.concatenate([robust_costs(_about(posterior, vector), vector[None]) for vector in vectors])
     if not np.any(np.isfinite(costs)):
         raise ValueError(
             "No starting value gives finite predictions; check `drive`, and the units of the recordings and of "
@@ -208,20 +240,29 @@ def _best(posterior, vectors: list, starts: int, key, substeps: int, known, prog
     progress("settling", 0.05)
     if starts:
         moved = _random(posterior, stacked[order[0]], starts, jax.random.key(0) if key is None else key)
-        reached, ends = settle(posterior, jnp.concatenate([stacked[np.array(order)], moved]))
+        reached, ends = settle(
+            _about(posterior, stacked[order[0]]), jnp.concatenate([stacked[np.array(order)], moved])
+        )
         ways = [reached[i][None] for i in np.argsort(ends) if np.isfinite(ends[i])]
     else:
         ways = [stacked[place][None] for place in order]
     found: list[Refined] = []
     for number, way in enumerate(ways[:_WAYS]):
-        end, cost = (way, np.zeros(1)) if starts else settle(posterior, way)
+        # Each range is about its own start: what is read off recordings may be far from what the user guessed.
+        near = _about(posterior, way[0])
+        end, cost = (way, np.zeros(1)) if starts else settle(near, way)
         progress("refining", 0.4 + 0.5 * number / _WAYS)
         # The range is about the settled vector from now on: a bad start may have been further off than a good one is.
-        centred = eqx.tree_at(lambda p: p.start, posterior, end[0])
-        found.append(refine(centred, end[0], substeps=substeps, known=known))
+        settled = near.within(end[0])
+        found.append(refine(_about(posterior, settled), settled, substeps=substeps, known=known))
         if cost[0] < _CLEAN and not found[-1].apart:
             break
     return min(found, key=lambda one: one.cost)
+
+
+def _about(posterior: Posterior, vector) -> Posterior:
+    """`posterior` with its ranges and its weak prior about `vector`."""
+    return eqx.tree_at(lambda p: p.start, posterior, vector)
 
 
 def _random(posterior: Posterior, vector, starts: int, key: Array) -> Float[Array, "k q"]:

@@ -1,6 +1,7 @@
 """Weighted nonlinear least squares by optimistix: the one file that knows it."""
 
 from abc import abstractmethod
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -192,6 +193,16 @@ def errors_of(
     return jnp.concatenate(found)
 
 
+class Descent(NamedTuple):
+    """Where a descent ended: `vector`, shape `(q,)`, its `cost`, the number of `steps`, and the units of equal
+    curvature there, `unit`, shape `(q,)`, as those of `equal_curvature`."""
+
+    vector: Float[Array, " q"]
+    cost: Float[Array, ""]
+    steps: Int[Array, ""]
+    unit: Float[Array, " q"]
+
+
 @eqx.filter_jit
 def equal_curvature(objective: AbstractObjective, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     """Units in which the Gauss-Newton matrix of `objective` at `vector` has the same diagonal, shape `(q,)`."""
@@ -208,15 +219,13 @@ def levenberg_marquardt(
     max_steps: int,
     *,
     tolerance: float = 1e-2,
-) -> tuple[Float[Array, " q"], Float[Array, ""], Int[Array, ""]]:
+) -> Descent:
     """At most `max_steps` Levenberg-Marquardt steps of optimistix from `vector`, shape `(q,)`.
 
     A step that fails leaves the best vector so far; one shorter than `tolerance` units is the last. The solver damps
     every coordinate alike and starts at a damping of 1, so it works in coordinates `unit` in which the matrix of
     `objective` has the same diagonal (`equal_curvature`): without them, half a dozen rejected steps would still be
     undamped.
-
-    **Returns:** The vector, shape `(q,)`, its cost, and the number of steps.
     """
     # Normal equations: in these coordinates they are well scaled.
     solver = optx.LevenbergMarquardt(rtol=1e-3, atol=tolerance, linear_solver=lx.Normal(lx.Cholesky()))
@@ -229,4 +238,13 @@ def levenberg_marquardt(
         max_steps=max_steps,
         throw=False,
     )
-    return vector + unit * solution.value, solution.state.f_info.as_min(), solution.stats["num_steps"]
+    jacobian = solution.state.f_info.jac.as_matrix()
+    curvature = jnp.sum(jacobian * jacobian, axis=0)
+    return Descent(
+        vector + unit * solution.value,
+        solution.state.f_info.as_min(),
+        solution.stats["num_steps"],
+        jnp.where(
+            curvature > 0.0, unit * STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), unit
+        ),
+    )

@@ -84,8 +84,7 @@ def _round(problem, vector, level, unit):
     objective = Innovations(problem.layout, problem.setting, Cauchy(level))
     if unit is None:
         unit = equal_curvature(objective, vector)
-    found, _, _ = levenberg_marquardt(objective, vector, unit, _STEPS)
-    return found, unit
+    return levenberg_marquardt(objective, vector, unit, _STEPS).vector, unit
 
 
 def require_positive(drive: Drive) -> None:

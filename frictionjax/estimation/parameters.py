@@ -35,7 +35,8 @@ class Free(eqx.Module):
     """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `label` (the parameter's
     own name, with that of its effect before it where another parameter has the same), its `scale`, the `upper` bound
     of its value, and `least` and `most`, the user's own bounds. The last four are numbers of the case, and arrays: a
-    new case compiles nothing anew."""
+    new case compiles nothing anew. `imposed`: all motion is imposed; the inertia, which no force then shows, bounds
+    nothing."""
 
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
@@ -44,12 +45,13 @@ class Free(eqx.Module):
     upper: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
     least: Float[Array, ""] = eqx.field(converter=real, default=-jnp.inf)
     most: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
+    imposed: bool = eqx.field(static=True, default=False)
 
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
         if self.path == "friction.Fs":
             return math.log(_LEAST_EXCESS) + 0.0 * start, math.log(_MOST_EXCESS) + 0.0 * start
-        if self.path == "friction.sigma1":
+        if self.path == "friction.sigma1" and not self.imposed:
             return math.log(_LEAST_RATIO) + 0.0 * start, math.log(_MOST_RATIO) + 0.0 * start
         lower, upper = self.parameter.lower, self.upper
         if self.parameter.transform == "log":
@@ -62,13 +64,18 @@ class Free(eqx.Module):
 _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 
-def base_layout(drive: Drive, dt: float, *, known_inertia: bool = False) -> tuple[Free, ...]:
-    """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s."""
+def base_layout(
+    drive: Drive, dt: float, *, known_inertia: bool = False, imposed: bool = False
+) -> tuple[Free, ...]:
+    """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s; `imposed`
+    as in `Free`."""
     inertia = () if known_inertia else (Free("J", _INERTIA, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
-        upper = (_FASTEST / dt) ** 2 if parameter.name == "sigma0" else parameter.upper
-        friction.append(Free(f"friction.{parameter.name}", parameter, parameter.name, upper=upper))
+        bounded = parameter.name == "sigma0" and not imposed
+        upper = (_FASTEST / dt) ** 2 if bounded else parameter.upper
+        path = f"friction.{parameter.name}"
+        friction.append(Free(path, parameter, parameter.name, upper=upper, imposed=imposed))
     return inertia + tuple(friction)
 
 

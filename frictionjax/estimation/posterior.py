@@ -5,13 +5,14 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.constraints import Constraints, belief_residuals
 from frictionjax.estimation.evidence import AbstractEvidence, Observed, Positions
 from frictionjax.estimation.least_squares import AbstractObjective, Quadratic, quadratic_of
 from frictionjax.estimation.loss import AbstractLoss
-from frictionjax.estimation.parameters import pack, unpack
+from frictionjax.estimation.parameters import at_a_bound, pack, unpack
 from frictionjax.physics import Drive
 
 
@@ -62,6 +63,14 @@ class Posterior(AbstractObjective):
         layout = self.constraints.layout
         free = unpack(layout, self.drive, vector[:count], self.start[:count])
         return jnp.concatenate([pack(layout, free), jnp.clip(vector[count:], -1.0, 1.0)])
+
+    def reaching(self, vector: Float[Array, " q"]) -> "Posterior":
+        """The same, but where `vector`, shape `(q,)`, is at an end of a range about the start, it starts there: a
+        descent that began far off may have further to go."""
+        layout, count = self.constraints.layout, self.parameters
+        ends = at_a_bound(layout, vector[:count], self.start[:count])
+        places = np.array([one.label in ends for one in layout] + [False] * (vector.shape[0] - count))
+        return eqx.tree_at(lambda p: p.start, self, jnp.where(places, vector, self.start))
 
     def errors(self, vector: Float[Array, " q"], index: int) -> Float[Array, "b n"]:
         """Errors over their standard deviations of evidence number `index`, shape `(b, n)`, at `vector`."""
@@ -117,8 +126,7 @@ class Near(NamedTuple):
     powers: tuple[Float[Array, " b"], ...]
 
 
-@eqx.filter_jit
-def curvature_and_gradients(posterior: Posterior, vector: Float[Array, " q"]) -> Near:
+def near_of(posterior: Posterior, vector: Float[Array, " q"]) -> Near:
     """The cost of `posterior` about `vector`, shape `(q,)`, block by block."""
     total, gradients, powers = posterior._known(vector), [], []
     for index, (evidence, weight) in enumerate(zip(posterior.evidence, posterior.weights, strict=True)):
@@ -129,3 +137,7 @@ def curvature_and_gradients(posterior: Posterior, vector: Float[Array, " q"]) ->
         gradients.append((jnp.sum(columns * e[None], axis=2) * scale[None]).T)
         powers.append(power)
     return Near(total.hessian, tuple(gradients), tuple(powers))
+
+
+curvature_and_gradients = eqx.filter_jit(near_of)
+"""`near_of`, compiled."""

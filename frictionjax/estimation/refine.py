@@ -21,18 +21,20 @@ from frictionjax.estimation.posterior import Posterior
 
 # Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still coming; then
 # candidates for what is likely; then candidates over the last one found. All of one number: one compiled program.
-_AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
-_LIKELY = np.array([0.0, 1e-4, 1e-3, 1e-2, 1e-1])
-_NEXT = np.array([0.1, 0.3, 0.6, 1.0, 1.7])
+AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
+LIKELY = np.array([0.0, 1e-4, 1e-3, 1e-2, 1e-1])
+NEXT = np.array([0.1, 0.3, 0.6, 1.0, 1.7])
 _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
 _ROUNDS = 8
 _STILL = 0.5  # of the cost, a log-likelihood: less is no news
 # A recording that asks for so many times the least unmeasured force may have a wrong model.
 _APART = 30.0
 _LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
-_LONG = 6.0  # times the units of the solver: so near the bottom next to no damping is needed
-_CLOSE = 0.05  # of a unit: steps converge quadratically here, and the last one leaves far less
-_MOVED = 0.25  # standard deviations: a round that moves no parameter further is the last
+LONG = 6.0  # times the units of the solver: so near the bottom next to no damping is needed
+CLOSE = 0.05  # of a unit: steps converge quadratically here, and the last one leaves far less
+_FAR = 60  # steps through a valley that bends, where no noise has to be found on the way
+_SHORTER = 4.0  # times shorter units, and so sixteen times the damping, after a round whose steps all fail
+MOVED = 0.25  # standard deviations: a round that moves no parameter further is the last
 
 
 class Refined(eqx.Module):
@@ -78,16 +80,19 @@ def refine(
     """
     first = _Present(forgiving, vector, None, None)
     if forgiving.has_positions:
-        first, _ = _descended(_weighed(first, _of_friction(first, _AT_FIRST), substeps, known))
-    found = _to_the_bottom(first, _LIKELY, substeps, known)
+        first, _ = _descended(_weighed(first, _of_friction(first, AT_FIRST), substeps, known))
+    elif any(isinstance(one, Forces) for one in forgiving.evidence):
+        for _ in range(2):
+            first = _far_down(_weighed(first, None, substeps, known))
+    found = _to_the_bottom(first, LIKELY, substeps, known)
     if found.apart and found.noise is not None:
         # Parameters that only one recording shows may be far off and look like an unmeasured force there. Allowed less
         # and less of it, all alike, the recordings must follow the model; the likelihood judges which of the two holds.
         present = _Present(forgiving, vector, None, None)
         for part in _LESS:
-            ratios = _of_friction(present, np.full(_NEXT.size, part))
+            ratios = _of_friction(present, np.full(NEXT.size, part))
             present, _ = _descended(_weighed(present, ratios, substeps, known))
-        again = _to_the_bottom(present, _NEXT, substeps, known)
+        again = _to_the_bottom(present, NEXT, substeps, known)
         if again.cost < found.cost - _STILL:
             return again
     return found
@@ -95,16 +100,22 @@ def refine(
 
 def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: int, known) -> Refined:
     """Noise and parameters in turn, until neither moves; `parts` of Coulomb friction are the first candidates."""
-    last, converged = np.inf, False
+    last, converged, retried = np.inf, False, False
     for number in range(_ROUNDS):
-        around = _around(present) if number > 0 or parts is _NEXT else _of_friction(present, parts)
+        around = _around(present) if number > 0 or parts is NEXT else _of_friction(present, parts)
         moved, cost = _descended(_weighed(present, around, substeps, known))
         # A coordinate's unit is so many of its standard deviations, were all others known.
-        far = float(jnp.max(jnp.abs(moved.vector - present.vector) / moved.unit)) * _LONG * STRIDE
+        far = float(jnp.max(jnp.abs(moved.vector - present.vector) / moved.unit)) * LONG * STRIDE
         gained = last - cost
+        if far == 0.0 and not retried and number < _ROUNDS - 1:
+            # Every step failed: at the bottom, or where the valley bends too much for next to no damping.
+            last, retried = min(last, cost), True
+            shorter = None if moved.unit is None else moved.unit / _SHORTER
+            present = _Present(moved.posterior, moved.vector, moved.noise, shorter)
+            continue
         if cost < last:
-            present, last = moved, cost
-        if gained < _STILL or (np.isfinite(gained) and far < _MOVED):
+            present, last, retried = moved, cost, False
+        if gained < _STILL or (np.isfinite(gained) and far < MOVED):
             converged = True
             break
     return Refined(present.posterior, present.vector, present.noise, float(last), converged)
@@ -112,7 +123,7 @@ def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: 
 
 def _around(present: _Present) -> Float[np.ndarray, "r k"] | None:
     """Candidates about the likeliest ratios: where a parabola through those tried has its top."""
-    return None if present.noise is None else np.asarray(present.noise.best)[:, None] * _NEXT[None]
+    return None if present.noise is None else np.asarray(present.noise.best)[:, None] * NEXT[None]
 
 
 def _of_friction(present: _Present, parts: Float[np.ndarray, " k"]) -> Float[np.ndarray, "r k"] | None:
@@ -141,11 +152,22 @@ def _weighed(present: _Present, ratios, substeps: int, known) -> _Present:
     return _Present(weighed, vector, noise, present.unit)
 
 
+def _far_down(present: _Present) -> _Present:
+    """Many damped steps down, and ranges about where they lead: the robust cost may have left a parameter that hardly
+    shows beside the forgiving noise at an end of its range."""
+    posterior = present.posterior
+    unit = equal_curvature(posterior, present.vector)
+    end = levenberg_marquardt(posterior, present.vector, unit, _FAR, tolerance=CLOSE)
+    vector = posterior.within(end.vector)
+    return _Present(eqx.tree_at(lambda p: p.start, posterior, vector), vector, present.noise, None)
+
+
 def _descended(present: _Present) -> tuple[_Present, float]:
     """A few steps down; and minus the log-likelihood, noise included, by which rounds are compared."""
     posterior, unit = present.posterior, present.unit
     if unit is None:
-        unit = _LONG * equal_curvature(posterior, present.vector)
-    vector, cost, _ = levenberg_marquardt(posterior, present.vector, unit, _STEPS, tolerance=_CLOSE)
-    total = float(cost) + sum(float(one.log_deviation) for one in posterior.evidence)
-    return _Present(posterior, posterior.within(vector), present.noise, unit), total
+        unit = LONG * equal_curvature(posterior, present.vector)
+    end = levenberg_marquardt(posterior, present.vector, unit, _STEPS, tolerance=CLOSE)
+    total = float(end.cost) + sum(float(one.log_deviation) for one in posterior.evidence)
+    vector = posterior.within(end.vector)
+    return _Present(posterior.reaching(vector), vector, present.noise, LONG * end.unit), total

@@ -17,7 +17,7 @@ from frictionjax.estimation.refine import Refined
 from frictionjax.estimation.uncertainty import estimate_of
 from frictionjax.physics import Drive
 
-_CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces
+CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces
 _FEW = 20  # clusters: fewer tell nothing of how errors correlate
 
 
@@ -89,11 +89,36 @@ def clustered(gradients: list[Float[np.ndarray, "b q"]], posterior: Posterior) -
         own = np.asarray(gradient)
         if evidence.rows:
             own = own.reshape(evidence.rows, -1, own.shape[1])
-            own = np.pad(own, ((0, 0), (0, -own.shape[1] % _CLUSTER), (0, 0)))
-            own = own.reshape(-1, _CLUSTER, own.shape[2]).sum(1)
+            own = np.pad(own, ((0, 0), (0, -own.shape[1] % CLUSTER), (0, 0)))
+            own = own.reshape(-1, CLUSTER, own.shape[2]).sum(1)
         sums.append(own)
     total = np.concatenate(sums)
     return total[np.any(total != 0.0, axis=1)]
+
+
+def honest_covariance(
+    inverse: Float[np.ndarray, "q q"],
+    meat: Float[np.ndarray, "q q"],
+    clusters: int,
+    slope: Float[np.ndarray, "p q"],
+    *,
+    trusted: bool,
+) -> Float[np.ndarray, "p p"]:
+    """Inverse information, with standard deviations raised where the sandwich H^-1 M H^-1 says more, shape `(p, p)`.
+
+    **Arguments:**
+
+    - `inverse`: H^-1, shape `(q, q)`; `meat`: M, the sum of the outer products of cluster gradients; `clusters`: how
+        many there are; `slope`: derivative of the p physical values by the free vector, shape `(p, q)`.
+    - `trusted`: whether H is that of a likelihood; else the sandwich counts even where it says less.
+    """
+    white = slope @ inverse @ slope.T
+    if trusted and clusters < _FEW:
+        return white
+    sandwich = slope @ inverse @ meat @ inverse @ slope.T * (clusters / max(clusters - 1, 1))
+    ratio = np.diag(sandwich) / np.maximum(np.diag(white), 1e-300)
+    more = np.sqrt(np.maximum(ratio, 1.0 if trusted else 0.0))
+    return white * np.outer(more, more)
 
 
 @eqx.filter_jit
@@ -129,16 +154,15 @@ def make_result(
     silent = np.zeros(count, bool)
     if finite:
         inverse = inverse_of(hessian)
-        white = slope @ inverse @ slope.T
         sums = clustered(gradients, posterior)
-        if len(sums) >= _FEW or not isinstance(posterior.loss, Gaussian):
-            sandwich = slope @ inverse @ (sums.T @ sums) @ inverse @ slope.T * (len(sums) / (len(sums) - 1))
-            more = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(white), 1e-300), 1.0))
-            honest = white * np.outer(more, more)
-        else:
-            honest = white
+        white = slope @ inverse @ slope.T
+        honest = honest_covariance(
+            inverse, sums.T @ sums, len(sums), slope, trusted=isinstance(posterior.loss, Gaussian)
+        )
         # What rests on the weak prior is not known from the data, however little the errors scatter.
-        silent = np.diag(inverse)[:count] * np.asarray(posterior.prior)[:count] ** 2 > 0.25
+        # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
+        wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)
+        silent = np.diag(white)[:count] > 0.25 * wide[:count]
     spread = np.sqrt(np.maximum(np.diag(honest), 0.0)) if finite else np.full(size, np.inf)
     spread[:count][silent | np.array([one.label in ends for one in layout], dtype=bool)] = np.inf
     parameters = {}
@@ -146,10 +170,12 @@ def make_result(
         parameters[one.label] = estimate_of(one, value, stderr, units)
     for tie, value, stderr in zip(ties, values[count:], spread[count:], strict=True):
         source = parameters.get(tie.source)
-        unit = source.unit if source is not None else "1"
-        parameters[tie.label] = Estimate(
-            float(value), float(stderr), unit, source is None or source.identified
-        )
+        lost = source is not None and not np.isfinite(source.stderr)
+        unit = tie.unit
+        for name, text in units.items():
+            unit = unit.replace("{" + name + "}", text)
+        known = source is None or source.identified
+        parameters[tie.label] = Estimate(float(value), float("inf") if lost else float(stderr), unit, known)
     lost = [one.label for one in layout if not parameters[one.label].identified and one.label not in ends]
     sentences = [
         "The fit converged: neither noise nor parameters move any more."

@@ -39,7 +39,7 @@ def _units(posterior, vectors):
 def _round(posterior, vectors, units, knees):
     def one(vector, unit, knee):
         there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(knee))
-        return levenberg_marquardt(there, vector, unit, _STEPS)[0]
+        return levenberg_marquardt(there, vector, unit, _STEPS).vector
 
     return jax.vmap(one)(vectors, units, knees)
 

@@ -1,7 +1,6 @@
 """A fit as JSON and back: `save_fit` and `load_fit`, schema `frictionjax.fit/1`.
 
-The recordings stay behind. Numbers that are not finite are null, as in verdict.json; all others come back to the last
-bit.
+The data stay behind. Numbers that are not finite are null, as in verdict.json; all others come back to the last bit.
 """
 
 import json
@@ -11,16 +10,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
-import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Estimate, InputError, require_x64
-from frictionjax.estimation.fit import FitResult
-from frictionjax.exchange.table import AGAIN, FRICTION, Table, drive_of, fields_of, problem_of
+from frictionjax.estimation import FitResult, RecordingNoise
+from frictionjax.exchange.table import AGAIN, FRICTION, Table, drive_of, fields_of
 from frictionjax.physics import Drive
 from frictionjax.recordings.words import require_file, shown
 
 SCHEMA = "frictionjax.fit/1"
+FIELDS = (
+    *("schema", "frictionjax", "success", "message", "cost", "at_bounds", "drive", "parameters"),
+    *("names", "covariance", "covariance_white", "noise"),
+)
+ESTIMATE = ("value", "stderr", "unit", "identified")
+NOISE = ("position", "push", "power")
 
 
 def fit_to_json(result: FitResult) -> str:
@@ -32,37 +36,27 @@ def fit_to_json(result: FitResult) -> str:
 
     **Returns:**
 
-    The text. It holds everything but the recordings, which `problem` carries.
+    The text. It holds all of `result` but `posterior` and `vector`: the data are not saved.
 
     **Raises:**
 
     `PrecisionError` unless JAX computes in float64; `ValueError` for a drive that holds arrays in place of numbers.
     """
     require_x64()
-    setting = result.problem.setting
     content = {
         "schema": SCHEMA,
         "frictionjax": version("frictionjax"),
         "success": bool(result.success),
         "message": result.message,
-        "mismatch": _plain(result.mismatch),
+        "cost": _plain(result.cost),
+        "at_bounds": list(result.at_bounds),
         "drive": _drive_json(result.drive),
         "parameters": {label: _estimate_json(found) for label, found in result.parameters.items()},
+        "names": list(result.names),
         "covariance": _plain(result.covariance),
-        "vector": _plain(result.vector),
-        "problem": {
-            "drive": _drive_json(setting.drive),
-            "start": _plain(setting.start),
-            "prior": _plain(setting.prior),
-            "layout": [
-                {
-                    "path": free.path,
-                    "label": free.label,
-                    "scale": _plain(free.scale),
-                    "upper": _plain(free.upper),
-                }
-                for free in result.problem.layout
-            ],
+        "covariance_white": _plain(result.covariance_white),
+        "noise": {
+            name: {key: _plain(getattr(found, key)) for key in NOISE} for name, found in result.noise.items()
         },
     }
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -78,14 +72,13 @@ def fit_from_json(text: str, *, file: object = None) -> FitResult:
 
     **Returns:**
 
-    A `FitResult`, equal to the one written in all but `problem`: its layout, start and prior are there, so that
-    `problem.drive(vector)` works, but not its recordings, weights and observer. Null is read as infinite in standard
-    errors, covariance, misfit and upper bounds, as NaN elsewhere.
+    A `FitResult`, equal to the one written but for `posterior` and `vector`: both are None, for the data are not
+    saved. Null is read as infinite in standard errors, covariances and cost, as NaN elsewhere.
 
     **Raises:**
 
-    `InputError` for text that is not JSON, for another schema, an unknown effect, and for a field that is missing or
-    of the wrong kind; `PrecisionError` unless JAX computes in float64.
+    `InputError` for text that is not JSON, for another schema, an unknown effect, a field that is not known, missing
+    or of the wrong kind, and names that have no parameter; `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
     try:
@@ -101,27 +94,20 @@ def fit_from_json(text: str, *, file: object = None) -> FitResult:
             f"the schema is {shown(json.dumps(content.get('schema')))}, not {json.dumps(SCHEMA)}",
             "Give a file that `save_fit` of this version of frictionjax wrote",
         )
-    drive = drive_of(root.table("drive"))
-    found = {
-        label: Estimate(
-            entry.number("value"),
-            entry.number("stderr", math.inf),
-            entry.text("unit"),
-            entry.flag("identified"),
-        )
-        for label, entry in root.table("parameters").tables()
-    }
-    problem = problem_of(root.table("problem"))
-    size = problem.setting.start.size
+    root.only(FIELDS)
+    parameters = {label: _estimate_of(entry) for label, entry in root.table("parameters").tables()}
+    names = _known(root, "names", parameters)
     return FitResult(
-        drive=drive,
-        parameters=found,
-        covariance=root.matrix("covariance", size, math.inf),
-        mismatch=root.number("mismatch", math.inf),
+        drive=drive_of(root.table("drive")),
+        parameters=parameters,
+        names=names,
+        covariance=root.matrix("covariance", len(names), math.inf),
+        covariance_white=root.matrix("covariance_white", len(names), math.inf),
+        noise={name: _noise_of(entry) for name, entry in root.table("noise").tables()},
+        cost=root.number("cost", math.inf),
         success=root.flag("success"),
         message=root.text("message"),
-        problem=problem,
-        vector=jnp.asarray(root.vector("vector", size)),
+        at_bounds=_known(root, "at_bounds", parameters),
     )
 
 
@@ -164,7 +150,7 @@ def load_fit(path: str | Path) -> FitResult:
 
     **Returns:**
 
-    A `FitResult`, without recordings: see `fit_from_json`.
+    A `FitResult` whose `posterior` and `vector` are None, for the data are not saved; else as in `fit_from_json`.
 
     **Raises:**
 
@@ -188,6 +174,26 @@ def _plain(values) -> Any:
     if values.ndim:
         return [_plain(row) for row in values]
     return float(values) if np.isfinite(values) else None
+
+
+def _estimate_of(table: Table) -> Estimate:
+    table.only(ESTIMATE)
+    value, stderr = table.number("value"), table.number("stderr", math.inf)
+    return Estimate(value, stderr, table.text("unit"), table.flag("identified"))
+
+
+def _noise_of(table: Table) -> RecordingNoise:
+    table.only(NOISE)
+    return RecordingNoise(*(table.number(key) for key in NOISE))
+
+
+def _known(root: Table, key: str, parameters: dict[str, Estimate]) -> tuple[str, ...]:
+    """The labels under `key`, all of them of `parameters`."""
+    labels = root.texts(key)
+    for label in labels:
+        if label not in parameters:
+            root.fail(key, f"`{shown(label)}` is not one of `parameters`")
+    return labels
 
 
 def _estimate_json(found: Estimate) -> dict[str, Any]:

@@ -5,6 +5,7 @@ MuJoCo itself is not needed here. Its `frictionloss` is Coulomb friction alone, 
 """
 
 import math
+from collections import defaultdict
 from typing import Literal
 from xml.sax.saxutils import quoteattr
 
@@ -12,6 +13,8 @@ import equinox as eqx
 import numpy as np
 
 from frictionjax.core import InputError
+from frictionjax.estimation import FitResult
+from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.physics.effects.return_spring import ReturnSpring
@@ -21,6 +24,7 @@ _STEP = (
 )
 _LEAST_BODY, _LEAST_INERTIA = 1e-9, 1e-14  # of J, and at all: MuJoCo wants a moving body to have some inertia
 _BODY_SLACK = 1e-12  # of J: what rounding may leave of a body that has all the inertia
+_BRISTLE = ("sigma0", "sigma1", "Fc", "Fs", "vs")  # the numbers of `lugre`, in MuJoCo's order
 _LIGHT = 0.1  # of J: a body that is lighter loses the frictionloss of a slide
 _LIGHT_BODY = (
     "The frictionloss itself is lost: MuJoCo softens that of a slide by the mass of the body, whatever the armature. "
@@ -44,6 +48,9 @@ class MujocoJoint(eqx.Module):
     - `kind`: `"hinge"` or `"slide"`.
     - `body_inertia`: inertia of the body itself about the joint (hinge) or its mass (slide), in units of J.
     - `trial_inertia`: what `mjcf` gives to the body, in units of J.
+    - `stderr`: of a fit, name -> standard error of `armature`, `body_inertia`, `damping`, `gear`, of `stiffness` and
+        `frictionloss` where there are any, and of the numbers in `lugre` by their symbols, each in its own unit;
+        `inf` where the data do not hold it, 0 for what was not free in the fit. Empty for a drive.
     """
 
     joint: str = eqx.field(static=True)
@@ -53,6 +60,7 @@ class MujocoJoint(eqx.Module):
     kind: Kind = eqx.field(static=True)
     body_inertia: float = eqx.field(static=True)
     trial_inertia: float = eqx.field(static=True)
+    stderr: dict[str, float] = eqx.field(static=True)
 
     def mjcf(self, timestep: float | None = None) -> str:
         """A whole model with this joint alone, without gravity, to try it or to copy from.
@@ -64,7 +72,7 @@ class MujocoJoint(eqx.Module):
         **Returns:**
 
         MJCF as text. The integrator is Euler, whose damping is implicit; RK4 is closer to the solution still,
-        implicitfast farther from it (ten times and more in sliding, tests/test_estimation_mujoco.py).
+        implicitfast farther from it (ten times and more in sliding, tests/test_exchange_mujoco.py).
         """
         step = min(self.timestep, 1e-3) if timestep is None else timestep
         m = _text(self.trial_inertia)
@@ -85,7 +93,7 @@ class MujocoJoint(eqx.Module):
 
 
 def mujoco_joint(
-    drive: Drive,
+    drive: Drive | FitResult,
     *,
     kind: Kind = "hinge",
     name: str = "joint",
@@ -100,7 +108,8 @@ def mujoco_joint(
     **Arguments:**
 
     - `drive`: scalar parameters, in the units of the MuJoCo model: N m and rad for a hinge, N and m for a slide, as a
-        rule. Nothing is converted.
+        rule. Nothing is converted. Or what `fit` found, also one that was read from a file: its drive, with standard
+        errors by the delta method from its `covariance`.
     - `kind`: `"hinge"` or `"slide"`.
     - `name`: of the joint; the actuators are called after it.
     - `friction`: `"lugre"` or `"frictionloss"`.
@@ -120,11 +129,13 @@ def mujoco_joint(
         raise ValueError(f'`kind` is {kind!r}; it must be "hinge" or "slide".')
     if friction not in ("lugre", "frictionloss"):
         raise ValueError(f'`friction` is {friction!r}; it must be "lugre" or "frictionloss".')
+    result, drive = (drive, drive.drive) if isinstance(drive, FitResult) else (None, drive)
     lugre = friction == "lugre"
     values = _numbers(drive, lugre)
     J = values["J"]
+    body_has_all = body_inertia is None and kind == "slide"
     if body_inertia is None:
-        body_inertia = J if kind == "slide" else 0.0
+        body_inertia = J if body_has_all else 0.0
     if not 0.0 <= body_inertia <= (1.0 + _BODY_SLACK) * J:
         raise InputError(
             f"`body_inertia` is {body_inertia:g}; it must lie between 0 and J = {J:g}",
@@ -145,7 +156,7 @@ def mujoco_joint(
     motor = {"name": f"{name}_motor", "joint": name, "gear": _text(values["motor_constant"])}
     actuators = [_element("motor", motor)]
     if lugre:
-        bristle = " ".join(_text(values[key]) for key in ("sigma0", "sigma1", "Fc", "Fs", "vs"))
+        bristle = " ".join(_text(values[key]) for key in _BRISTLE)
         dcmotor = {"name": f"{name}_friction", "joint": name, "input": "none", "motorconst": "0"}
         actuators.append(_element("dcmotor", dcmotor | {"resistance": "1", "lugre": bristle}))
     lost = () if lugre else _lost_friction(values)
@@ -160,7 +171,32 @@ def mujoco_joint(
         kind=kind,
         body_inertia=float(body_inertia),
         trial_inertia=max(float(body_inertia), _LEAST_BODY * J, _LEAST_INERTIA),
+        stderr={} if result is None else _stderrs(result, lugre=lugre, body_has_all=body_has_all),
     )
+
+
+def _stderrs(result: FitResult, *, lugre: bool, body_has_all: bool) -> dict[str, float]:
+    """Standard errors of what `MujocoJoint` writes, by name: all of it is a sum of parameters."""
+    sums = {"armature": [] if body_has_all else ["J"], "body_inertia": ["J"] if body_has_all else []}
+    sums |= {"damping": ["sigma2"], "gear": ["motor_constant"]}
+    effects = result.drive.effects
+    springs = [f"effects.{i}.stiffness" for i, one in enumerate(effects) if isinstance(one, ReturnSpring)]
+    if springs:
+        labels = {one.path: one.label for one in effect_layout(result.drive, defaultdict(float))}
+        sums["stiffness"] = [labels[path] for path in springs]
+    sums |= {name: [name] for name in _BRISTLE} if lugre else {"frictionloss": ["Fc"]}
+    return {name: _stderr(result, labels) for name, labels in sums.items()}
+
+
+def _stderr(result: FitResult, labels: list[str]) -> float:
+    """Standard error of the sum of the parameters `labels`; what was not free is known."""
+    found = result.stderr
+    if any(math.isinf(found.get(label, 0.0)) for label in labels):
+        return math.inf
+    free = [result.names.index(label) for label in labels if label in result.names]
+    # How a tied parameter goes with the others is not in a file: no correlation makes their sum worse than this.
+    tied = sum(found[label] for label in labels if label in found and label not in result.names)
+    return math.sqrt(max(float(np.sum(result.covariance[np.ix_(free, free)])), 0.0)) + tied
 
 
 def _numbers(drive: Drive, lugre: bool) -> dict[str, float]:

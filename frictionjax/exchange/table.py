@@ -7,22 +7,18 @@ from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import InputError, Parameter
-from frictionjax.estimation.batch import Batch
-from frictionjax.estimation.fit import Problem
-from frictionjax.estimation.least_squares import Setting
-from frictionjax.estimation.parameters import Free, base_layout
+from frictionjax.core import InputError
 from frictionjax.physics import Drive, LuGre, catalogue
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings.words import listed, nearest, shown
-from frictionjax.simulation import Gains
 
 AGAIN = "Write the file again with `save_fit`"
+DRIVE = ("J", "motor_constant", "friction", "effects")
 FRICTION = tuple(parameter.name for parameter in LuGre.parameters)
+EFFECT = ("name", "form", "parameters")
 
 
 def fields_of(form: type) -> tuple[str, ...]:
@@ -72,6 +68,15 @@ class Table(eqx.Module):
         value = self._value(key)
         return value if isinstance(value, str) else self._not(key, "text")
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """The list of texts under `key`, none of them twice."""
+        value = self._value(key)
+        if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
+            self._not(key, "a list of texts")
+        if len(set(value)) < len(value):
+            self._not(key, "a list of different texts")
+        return tuple(value)
+
     def flag(self, key: str) -> bool:
         """The true or false under `key`."""
         value = self._value(key)
@@ -82,27 +87,25 @@ class Table(eqx.Module):
         value = _number(self._value(key), null)
         return self._not(key, "a number") if value is None else value
 
-    def vector(self, key: str, size: int | None = None, null: float = math.nan) -> Float[np.ndarray, " q"]:
-        """The list of `size` numbers under `key` (None: any number of them), shape `(q,)`; `null` as in `number`."""
-        value = self._value(key)
-        numbers = [_number(entry, null) for entry in value] if isinstance(value, list) else [None]
-        if None in numbers or size not in (None, len(numbers)):
-            self._not(key, f"a list of {'' if size is None else f'{size} '}numbers")
-        return np.array(numbers, dtype=float)
-
-    def matrix(self, key: str, size: int, null: float) -> Float[np.ndarray, "q q"]:
-        """The `size` lists of `size` numbers under `key`, shape `(q, q)`; `null` as in `number`."""
+    def matrix(self, key: str, size: int, null: float = math.nan) -> Float[np.ndarray, "p p"]:
+        """The `size` lists of `size` numbers under `key`, shape `(p, p)`; `null` as in `number`."""
         value = self._value(key)
         if not isinstance(value, list) or len(value) != size:
             self._not(key, f"a list of {size} rows")
         rows = Table({str(i): row for i, row in enumerate(value)}, self._at(key), self.file)
-        return np.array([rows.vector(str(i), size, null) for i in range(size)]).reshape(size, size)
+        return np.array([rows._row(str(i), size, null) for i in range(size)], dtype=float).reshape(size, size)
 
     def only(self, names: tuple[str, ...]) -> None:
         """Raise the `InputError` for a key that is not one of `names`: what it holds would be lost."""
         for key in self.content:
             if key not in names:
                 self.fail(key, f"`{shown(key)}` is not known here", _instead(key, names))
+
+    def _row(self, key: str, size: int, null: float) -> list[float]:
+        value = self._value(key)
+        numbers = [_number(entry, null) for entry in value] if isinstance(value, list) else []
+        found = [number for number in numbers if number is not None]
+        return found if len(found) == len(numbers) == size else self._not(key, f"a list of {size} numbers")
 
     def _at(self, key: str) -> str:
         return f"{self.path}.{key}" if self.path else key
@@ -118,6 +121,7 @@ class Table(eqx.Module):
 
 def drive_of(table: Table) -> Drive:
     """The drive in `table`, with its effects."""
+    table.only(DRIVE)
     friction = table.table("friction")
     friction.only(FRICTION)
     return Drive(
@@ -126,28 +130,6 @@ def drive_of(table: Table) -> Drive:
         table.number("motor_constant"),
         tuple(_effect(entry) for entry in table.listed("effects")),
     )
-
-
-def problem_of(table: Table) -> Problem:
-    """The problem in `table`: layout, start and prior, without recordings."""
-    drive = drive_of(table.table("drive"))
-    layout = tuple(
-        Free(
-            entry.text("path"),
-            _parameter(entry, drive),
-            entry.text("label"),
-            entry.number("scale"),
-            entry.number("upper", math.inf),
-        )
-        for entry in table.listed("layout")
-    )
-    start = jnp.asarray(table.vector("start"))
-    if start.size < len(layout):
-        table.fail("start", f"{start.size} numbers are too few for {len(layout)} free parameters")
-    prior = jnp.asarray(table.vector("prior", start.size))
-    none, nothing = jnp.zeros(0), jnp.zeros((0, 0))
-    batch = Batch(nothing, nothing, nothing, none, none, none, none, 1, np.zeros(0, dtype=int))
-    return Problem(layout, Setting(drive, batch, Gains(none, none), nothing, start, prior))
 
 
 def _number(value: Any, null: float) -> float | None:
@@ -168,6 +150,7 @@ def _instead(word: str, names: tuple[str, ...]) -> str:
 
 
 def _effect(table: Table) -> AbstractEffect:
+    table.only(EFFECT)
     name, form, known = table.text("name"), table.text("form"), catalogue()
     if name not in known:
         table.fail("name", f"there is no effect `{shown(name)}`", _instead(name, tuple(known)))
@@ -178,14 +161,3 @@ def _effect(table: Table) -> AbstractEffect:
     numbers, names = table.table("parameters"), fields_of(forms[form])
     numbers.only(names)
     return forms[form](**{key: numbers.number(key) for key in names})
-
-
-def _parameter(table: Table, drive: Drive) -> Parameter:
-    """What the free parameter of `table` is, from its path in `drive`."""
-    known = {free.path: free.parameter for free in base_layout(drive, 1.0)}
-    for index, effect in enumerate(drive.effects):
-        known |= {f"effects.{index}.{p.name}": p for p in effect.strengths + effect.nuisances}
-    path = table.text("path")
-    if path not in known:
-        table.fail("path", f"the drive has no parameter `{shown(path)}`", _instead(path, tuple(known)))
-    return known[path]

@@ -8,14 +8,22 @@ looked for first, then single parameters, then the smallest groups that are held
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import InputError
+from frictionjax.core import InputError, require_x64
+from frictionjax.core.safe import real
+from frictionjax.estimation import FitResult
+from frictionjax.estimation.parameters import Free, pack
+from frictionjax.estimation.problem import weak_prior
 from frictionjax.information.fisher import Information, inverse_information, scaled_to_ones
-from frictionjax.information.null_directions import NullSearch
-from frictionjax.information.planned import MOTOR
+from frictionjax.information.null_directions import _CURES, _OTHER, NullSearch, _words
+from frictionjax.information.planned import MOTOR, layout_of, part_of, scale_of, values_of
+from frictionjax.physics import Drive
 
+_ERRORS = 2.0  # standard errors that stay below the value of what a fit has identified
 _PART = 1e-4  # of its largest component: smaller ones are rounding
 
 
@@ -55,14 +63,21 @@ class Identifiability(eqx.Module):
         return tuple(dict.fromkeys(direction.sentence for direction in self.directions))
 
 
-def identifiability(information: Information) -> Identifiability:
-    """Which parameters `information` holds, and the null directions in words, each with the data to add.
+def identifiability(given: Information | FitResult) -> Identifiability:
+    """Which parameters are held, and the null directions in words, each with the data to add.
 
     A parameter is held when its Cramer-Rao bound is below its own value (for a strength: below its typical size).
 
+    Of a fit, `covariance` is judged, less what it owes to the weak prior of `fit`: what the data and the user's own
+    priors hold. Two standard errors must then be below the value, as for `identified`. A parameter at an end of its
+    range, or without a finite variance, is lost by itself; the others are judged as if it were known. The typical size
+    of a strength is that of the fit; for a fit that was read from a file, that of the drive where it tells, else the
+    strength's own value.
+
     **Arguments:**
 
-    - `information`: of planned experiments (`fisher_information`), or of a fit's covariance (`information_of`).
+    - `given`: `Information` of planned experiments (`fisher_information`) or of a covariance (`information_of`); or
+        what `fit` found.
 
     **Returns:**
 
@@ -70,8 +85,13 @@ def identifiability(information: Information) -> Identifiability:
 
     **Raises:**
 
-    `InputError` when the information is not a finite, symmetric matrix of variances without a negative direction.
+    `InputError` when the information or covariance is not a finite, symmetric matrix without a negative direction;
+    for a fit also `PrecisionError` unless JAX computes in float64.
     """
+    return _of_fit(given) if isinstance(given, FitResult) else _of_information(given)
+
+
+def _of_information(information: Information) -> Identifiability:
     _check(information.scaled)
     names, search = information.names, NullSearch(information)
     search.known_directions()
@@ -88,6 +108,117 @@ def identifiability(information: Information) -> Identifiability:
     return Identifiability(held, combinations, lost, directions)
 
 
+def _of_fit(result: FitResult) -> Identifiability:
+    require_x64()
+    ended = [name for name in result.names if name in result.at_bounds]
+    spread = np.stack([np.diag(result.covariance), np.diag(result.covariance_white)])
+    finite = np.all((spread > 0.0) & (spread < np.inf), axis=0)
+    endless = [n for n, known in zip(result.names, finite, strict=True) if n not in ended and not known]
+    places = [i for i, name in enumerate(result.names) if name not in (*ended, *endless)]
+    rest, plain, own = Identifiability({}, {}, (), ()), Identifiability({}, {}, (), ()), {}
+    if places:
+        information = _information_of_fit(result, places)
+        plain = _of_information(information)
+        rest = _of_information(eqx.tree_at(lambda i: i.parts, information, information.parts / _ERRORS**2))
+        unit = np.where(information.logs, information.values, 1.0)
+        errors = np.sqrt(np.diag(result.covariance)[places]) / unit
+        own = dict(zip(information.names, errors.tolist(), strict=True))
+    # The weak prior of the search is narrower where errors count double: the numbers come without that, and none is
+    # below what the fit says.
+    held = {name: max(plain.held.get(name, value / _ERRORS), own[name]) for name, value in rest.held.items()}
+    combinations = {
+        name: plain.combinations.get(name, value / _ERRORS) for name, value in rest.combinations.items()
+    }
+    lost = tuple(name for name in result.names if name not in held)
+    return Identifiability(held, combinations, lost, (*rest.directions, *_ended(ended), *_endless(endless)))
+
+
+def _ended(names: Sequence[str]) -> tuple[NullDirection, ...]:
+    """The parameters `names`, which ended at an end of their range, by their common cure."""
+    found = []
+    for cure in dict.fromkeys(_CURES.get(name, _OTHER) for name in names):
+        some = [name for name in names if _CURES.get(name, _OTHER) == cure]
+        sentence = (
+            f"{_words(some)} ended at an end of the admissible range, which gives the value, not the data. "
+            f"Widen the `bounds` if they are yours, or add {cure}."
+        )
+        found += [NullDirection({name: 1.0}, sentence) for name in some]
+    return tuple(found)
+
+
+def _endless(names: Sequence[str]) -> tuple[NullDirection, ...]:
+    """The parameters `names`, to which the fit gave no finite variance."""
+    if not names:
+        return ()
+    sentence = f"{_words(names)} got no finite variance in this fit. Fit again from other starting values."
+    return tuple(NullDirection({name: 1.0}, sentence) for name in names)
+
+
+def _information_of_fit(result: FitResult, places: Sequence[int]) -> Information:
+    """Information in the data and the user's priors of a fit, about the free parameters at `places` of its names."""
+    drive, names = result.drive, [result.names[i] for i in places]
+    layout = layout_of(drive, names)
+    logs = np.asarray([one.parameter.transform == "log" for one in layout])
+    values, size = values_of(layout, drive), _sizes(result, layout, places)
+    if result.posterior is not None:
+        layout = [result.posterior.constraints.layout[i] for i in places]
+    layout = tuple(eqx.tree_at(lambda f: f.scale, one, real(s)) for one, s in zip(layout, size, strict=True))
+    own = np.where(logs, values, size)
+    square = np.ix_(places, places)
+    white, honest = (
+        matrix[square] / np.outer(own, own) for matrix in (result.covariance_white, result.covariance)
+    )
+    _check(white)
+    _check(honest)
+    # The prior counts in the inverse information; what model error and correlated errors add comes after it.
+    more = np.sqrt(np.diag(honest) / np.diag(white))
+    to_free = np.asarray(_slope(layout, drive, jnp.asarray(values), jnp.asarray(own), logs))
+    # That of a strength, a thousand times its size, is next to nothing.
+    prior = to_free * np.where(logs, np.asarray(weak_prior(layout, 0)), 0.0)[:, None]
+    information = _without(inverse_information(white), prior.T @ prior) / np.outer(more, more)
+    return Information(
+        names=tuple(names),
+        units=tuple(one.parameter.unit for one in layout),
+        logs=tuple(logs.tolist()),
+        values=values,
+        scale=size,
+        parts=(information / np.outer(size, size))[None],
+    )
+
+
+def _sizes(result: FitResult, layout: Sequence[Free], places: Sequence[int]) -> Float[np.ndarray, " p"]:
+    """Typical sizes, shape `(p,)`: 1 for a logarithm; of a strength that of the fit, of the drive, or its own."""
+    if result.posterior is not None:
+        layout = [result.posterior.constraints.layout[i] for i in places]
+        sizes = [1.0 if one.parameter.transform == "log" else float(one.scale) for one in layout]
+        return np.asarray(sizes)
+    # Neither stroke nor sample time is in a file. A strength of next to nothing is lost by any size below its error.
+    layout, errors = tuple(layout), np.sqrt(np.diag(result.covariance)[list(places)])
+    sizes = scale_of(layout, result.drive, np.inf, np.inf)
+    own = np.maximum(np.abs(values_of(layout, result.drive)), 0.5 * errors)
+    return np.where(np.isfinite(sizes) & (sizes > 0.0), sizes, own)
+
+
+@eqx.filter_jit
+def _slope(layout: tuple[Free, ...], drive: Drive, values, own, logs):
+    """Derivative of the free vector of a fit by the logarithms of positive parameters and by strengths over their
+    size, shape `(p, p)`."""
+
+    def free(q):
+        moved = jnp.where(logs, values * jnp.exp(jnp.where(logs, q, 0.0)), values + own * q)
+        machine = eqx.tree_at(lambda d: [part_of(d, one.path) for one in layout], drive, list(moved))
+        return pack(layout, machine)
+
+    return jax.jacfwd(free)(jnp.zeros(len(layout)))
+
+
+def _without(matrix: Float[np.ndarray, "p p"], prior: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """The information `matrix` less that of a `prior`; rounding leaves no negative direction."""
+    size, scaled = scaled_to_ones(matrix)
+    values, vectors = np.linalg.eigh(scaled - prior / np.outer(size, size))
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(size, size)
+
+
 def information_of(
     names: Sequence[str],
     values: Sequence[float],
@@ -95,7 +226,7 @@ def information_of(
     *,
     scale: Sequence[float] | None = None,
 ) -> Information:
-    """Information that a covariance matrix in physical units stands for: for a report on a fit.
+    """Information that a covariance matrix in physical units stands for: for a report on what another program found.
 
     I = C^-1, in the logarithms of positive parameters.
 

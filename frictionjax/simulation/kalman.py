@@ -17,6 +17,8 @@ from frictionjax.physics import Drive
 from frictionjax.simulation.fixed import initial_state
 from frictionjax.simulation.ros2 import State, advance
 
+_NOTHING = 1e-200  # of a covariance, in any units
+
 
 class Filtered(eqx.Module):
     """What the filter found along one recording.
@@ -90,7 +92,11 @@ def kalman_filter(
         )(directions)
         moved = columns[:size].T
         covariance = moved @ covariance @ moved.T + push**2 * columns[size][:, None] * columns[size][None]
-        return (state, 0.5 * (covariance + covariance.T)), (gain, variance, innovation)
+        covariance = 0.5 * (covariance + covariance.T)
+        # In sliding the bristle forgets in a few samples: its covariance would go on through the denormal numbers, in
+        # which a processor counts a hundred times slower.
+        covariance = jnp.where(jnp.abs(covariance) > _NOTHING, covariance, 0.0)
+        return (state, covariance), (gain, variance, innovation)
 
     return Filtered(*jax.lax.scan(sample, (first, known), (force, x))[1])
 
@@ -117,3 +123,26 @@ def predicted_with(
         return following(state + own * innovation, motor), innovation
 
     return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, x, gain))[1]
+
+
+def driven_by(
+    drive: Drive,
+    force: Float[Array, " n"],
+    innovation: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gain: Float[Array, "n m"],
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    *,
+    substeps: int = 1,
+) -> Float[Array, " n"]:
+    """Positions of which `predicted_with` makes these innovations, position units, shape `(n,)`: its inverse.
+
+    **Arguments:** `innovation`: position units, shape `(n,)`; the others as in `predicted_with`.
+    """
+    following = _following(drive, dt, substeps)
+
+    def sample(state, inputs):
+        motor, own, weight = inputs
+        return following(state + weight * own, motor), state[0] + own
+
+    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, innovation, gain))[1]

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Key
 
 from frictionjax.physics import Drive
 
@@ -30,3 +30,12 @@ class AbstractEvidence(eqx.Module):
     @abstractmethod
     def log_deviation(self) -> Float[Array, ""]:
         """Sum of the logarithms of the standard deviations of all scored numbers."""
+
+
+class AbstractMeasurement(AbstractEvidence):
+    """Evidence with a noise of its own: other data, as likely under a model, can be drawn from it."""
+
+    @abstractmethod
+    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "AbstractMeasurement":
+        """The same measurement made again on `drive`, which starts at `z0`: data drawn with `key` from the model and
+        the noise."""

@@ -4,21 +4,26 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Key
 
-from frictionjax.estimation.evidence.base import AbstractEvidence
+from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation.imposed import imposed_friction
 
 _BLOCK = 0.05  # s
+# Part of the force's standard deviation that the first noise is at least: no model of friction comes nearer to a
+# machine, and with a sensor's noise far below it the way down would follow the few blocks that fit best.
+_FORGIVING = 0.01
+_LEAST = 1e-9  # of the force's standard deviation: less noise is rounding
 
 
-class Forces(AbstractEvidence):
+class Forces(AbstractMeasurement):
     """Recordings of imposed position and measured friction force, padded to one length.
 
-    **Attributes:** `x` (position units), `force`, `valid` (1 where scored), shape `(r, n)`; `dt` (s) and `noise` of
-    the force, shape `(r,)`; `block` (samples), `lengths` (samples of each recording), `substeps` per sample.
+    **Attributes:** `x` (position units), `force`, `valid` (1 where scored), shape `(r, n)`; `dt` (s), `noise` of the
+    force and `known`, the same where it is given and else nan, shape `(r,)`; `block` (samples), `lengths` (samples of
+    each recording), `substeps` per sample.
     """
 
     x: Float[Array, "r n"]
@@ -26,6 +31,7 @@ class Forces(AbstractEvidence):
     valid: Float[Array, "r n"]
     dt: Float[Array, " r"]
     noise: Float[Array, " r"]
+    known: Float[Array, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     substeps: int = eqx.field(static=True, default=1)
@@ -56,14 +62,24 @@ class Forces(AbstractEvidence):
         return (raw / self.noise[:, None] * self.valid).reshape(-1, self.block)
 
     def with_noise_of(self, drive: Drive, z0: Float[Array, " rows"]) -> "Forces":
-        """The same data with the noise that `drive` leaves in each recording, never less than what was there."""
+        """The same data with the noise that `drive` leaves in each recording, or that is known; `z0` as in `errors`."""
         error = (self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]) ** 2
-        spread = jnp.sqrt(jnp.sum(error, axis=1) / jnp.sum(self.valid, axis=1))
-        return eqx.tree_at(lambda e: e.noise, self, spread)
+        samples = jnp.sum(self.valid, axis=1)
+        spread = jnp.sqrt(jnp.sum(error, axis=1) / samples)
+        level = jnp.sqrt(jnp.sum(self.force**2 * self.valid, axis=1) / samples)
+        found = jnp.maximum(spread, _LEAST * level)
+        return eqx.tree_at(lambda e: e.noise, self, jnp.where(jnp.isnan(self.known), found, self.known))
+
+    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Forces":
+        """The friction of `drive` in the same motion from `z0`, with noise drawn with `key`."""
+        error = self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]
+        drawn = self.force + error + self.noise[:, None] * jax.random.normal(key, self.force.shape)
+        return eqx.tree_at(lambda e: e.force, self, drawn)
 
 
-def make_forces(recordings: tuple[Recording, ...]) -> Forces:
-    """Motion-driven `recordings` side by side in `Forces`; their noise is that of the force's fourth differences."""
+def make_forces(recordings: tuple[Recording, ...], known: tuple[float | None, ...] | None = None) -> Forces:
+    """Motion-driven `recordings` side by side in `Forces`; their first noise is that of the force's fourth differences,
+    or more. `known`: noise of each that is given, or None."""
     rate = float(np.median([r.sample_rate for r in recordings]))
     block = max(round(_BLOCK * rate), 8)
     longest = max(r.x.size for r in recordings)
@@ -75,14 +91,17 @@ def make_forces(recordings: tuple[Recording, ...]) -> Forces:
     forces = [np.asarray(r.force) for r in recordings]
     lengths = np.array([r.x.size for r in recordings])
     noise = [
-        max(float(np.std(np.diff(f, 4))) / np.sqrt(70.0), 1e-9 * float(np.ptp(f)), 1e-300) for f in forces
+        max(float(np.std(np.diff(f, 4))) / np.sqrt(70.0), _FORGIVING * float(np.std(f)), 1e-300)
+        for f in forces
     ]
+    given = [np.nan if level is None else level for level in known or (None,) * len(forces)]
     return Forces(
         x=side_by_side([r.x for r in recordings]),
         force=side_by_side(forces),
         valid=jnp.asarray(np.arange(padded)[None] < lengths[:, None], dtype=float),
         dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
         noise=jnp.asarray(noise),
+        known=jnp.asarray(given, dtype=float),
         block=block,
         lengths=lengths,
     )

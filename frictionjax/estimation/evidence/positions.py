@@ -4,18 +4,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Key
 
 from frictionjax.estimation.batch import Batch
-from frictionjax.estimation.evidence.base import AbstractEvidence
+from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
-from frictionjax.simulation.kalman import kalman_filter, predicted_with
+from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with
 
 _HEAD = 0.01  # s: what `make_batch` reads the first position and velocity from
 _WIDE = 3.0  # times the standard deviation of that reading: nearly no prior, so that no sample counts twice
 
 
-class Positions(AbstractEvidence):
+class Positions(AbstractMeasurement):
     """Recordings of position side by side, and the gains and standard deviations of their prediction errors.
 
     The gains are numbers, found beforehand (`with_noise`) and not differentiated: what they depend on the parameters
@@ -57,6 +57,20 @@ class Positions(AbstractEvidence):
         raw = jax.vmap(one)(batch.u, batch.x, batch.dt, batch.x0, batch.v0, deflection, self.gain)
         return (raw / self.deviation * batch.valid).reshape(-1, batch.block)
 
+    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Positions":
+        """The recordings made again on `drive` from `z0` with the same input: innovations drawn with `key` stand for
+        sensor and unmeasured force alike, and the filter's gains carry them on, as in the model of the filter."""
+        batch = self.batch
+        deflection = z0 * drive.friction.Fs / drive.friction.sigma0
+        drawn = self.deviation * jax.random.normal(key, batch.x.shape)
+
+        def one(u, dt, x0, v0, z, gain, innovation):
+            force = drive.applied_force(u, dt)
+            return driven_by(drive, force, innovation, dt, gain, (x0, v0, z), substeps=self.substeps)
+
+        x = jax.vmap(one)(batch.u, batch.dt, batch.x0, batch.v0, deflection, self.gain, drawn)
+        return eqx.tree_at(lambda e: e.batch.x, self, x)
+
 
 class Noise(eqx.Module):
     """What stands between a recording and its model.
@@ -72,7 +86,7 @@ class Noise(eqx.Module):
 
 
 def scored_from_the_start(batch: Batch) -> Batch:
-    """The same batch with every sample scored: a filter knows how little it knows at first."""
+    """The same `batch` with every sample scored: a filter knows how little it knows at first."""
     inside = np.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
     return eqx.tree_at(lambda b: b.valid, batch, jnp.asarray(inside, dtype=float))
 
@@ -126,7 +140,9 @@ def filtered(
     def one(u, x, dt, noise, x0, v0, z, valid, given, ratios):
         force = drive.applied_force(u, dt)
         head = jnp.maximum(_HEAD / dt, 10.0)
-        spread = (_WIDE * noise / jnp.sqrt(head), _WIDE * noise * jnp.sqrt(12.0 / head) / (head * dt))
+        # A machine that is read as moving may as well be setting off: then the reading is a mean over the way.
+        sure = _WIDE * noise / jnp.sqrt(head)
+        spread = (sure + jnp.abs(v0) * head * dt, sure * jnp.sqrt(12.0) / (head * dt) + jnp.abs(v0))
         samples = jnp.sum(valid)
 
         def lane(quotient):

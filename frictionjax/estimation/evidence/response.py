@@ -1,17 +1,18 @@
 """A measured frequency response of a machine in stick, equation (6)."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Key
 
-from frictionjax.estimation.evidence.base import AbstractEvidence
+from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.frequency import FRF
 from frictionjax.frequency.second_order import Lines, sampled_response
 from frictionjax.physics import Drive
 
 
-class Response(AbstractEvidence):
+class Response(AbstractMeasurement):
     """The bins of an FRF inside a band, against the drive linearised at rest.
 
     The response is that of noise: it holds for levels so small that the bristles stay linear.
@@ -45,11 +46,18 @@ class Response(AbstractEvidence):
         friction = drive.friction
         damping = friction.sigma1 + friction.sigma2
         coefficients = jnp.stack([friction.sigma0, damping, drive.J, 0.0 * drive.J])
-        gain: Complex[Array, ""] = drive.motor_constant + 0.0j
-        error = (gain * sampled_response(coefficients, self.lines, self.hold) - self.lines.response) / (
-            self.deviation + 0.0j
-        )
+        gain: Complex[Array, ""] = drive.motor_constant.astype(complex)
+        error = gain * sampled_response(coefficients, self.lines, self.hold) - self.lines.response
+        error = error / self.deviation.astype(complex)
         return jnp.concatenate([jnp.real(error), jnp.imag(error)])[:, None]
+
+    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Response":
+        """The response of `drive` with noise drawn with `key`; `z0` is empty."""
+        error = self.errors(drive, z0)[:, 0]
+        model = self.lines.response + self.deviation * jax.lax.complex(*jnp.split(error, 2))
+        parts = jax.random.normal(key, (2, self.deviation.shape[0]))
+        drawn = model + self.deviation * jax.lax.complex(parts[0], parts[1])
+        return eqx.tree_at(lambda e: e.lines.response, self, drawn)
 
 
 def make_response(frf: FRF, band: tuple[float, float], *, hold: bool) -> Response:

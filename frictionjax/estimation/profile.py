@@ -1,0 +1,222 @@
+"""Beyond the standard error: profile likelihood, and the parametric bootstrap, many refits side by side."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Key
+from scipy.stats import chi2
+
+from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.estimation.constraints import Belief
+from frictionjax.estimation.evidence.base import AbstractMeasurement
+from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt
+from frictionjax.estimation.parameters import part_of
+from frictionjax.estimation.posterior import Posterior
+from frictionjax.estimation.refine import CLOSE, LONG
+from frictionjax.estimation.result import FitResult
+
+_STEPS = 8  # of Levenberg-Marquardt in a refit from near by
+_HELD = 1e-3  # standard errors: how closely a profiled parameter is held at its value
+_LANES = 4  # refits side by side
+
+
+class Profile(eqx.Module):
+    """The profile likelihood of one parameter.
+
+    **Attributes:**
+
+    - `name`, `value`, `stderr`: the parameter, its estimate and its standard error.
+    - `values`: where it was held, in its unit, shape `(k,)`.
+    - `deviance`: twice the cost with all others refitted, less that at the estimate, shape `(k,)`.
+    """
+
+    name: str = eqx.field(static=True)
+    value: float = eqx.field(static=True)
+    stderr: float = eqx.field(static=True)
+    values: Float[np.ndarray, " k"]
+    deviance: Float[np.ndarray, " k"]
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Likelihood interval of `level`: where the deviance passes the quantile of chi-square with one degree of
+        freedom, by interpolation; infinite where it does not on that side."""
+        limit = float(chi2.ppf(level, 1))
+        ends = []
+        for side in (-1.0, 1.0):
+            inside = (self.values - self.value) * side > 0.0
+            order = np.argsort(np.abs(self.values[inside] - self.value))
+            far = np.concatenate([[0.0], np.abs(self.values[inside] - self.value)[order]])
+            height = np.maximum.accumulate(np.concatenate([[0.0], self.deviance[inside][order]]))
+            reach = float(np.interp(np.sqrt(limit), np.sqrt(height), far)) if height[-1] > limit else np.inf
+            ends.append(self.value + side * reach)
+        return ends[0], ends[1]
+
+
+class Bootstrap(eqx.Module):
+    """Refits of data drawn from a fitted model.
+
+    **Attributes:** `names` of the p parameters; `values` of the d refits in physical units, shape `(d, p)`; `estimate`
+    that the data were drawn from, shape `(p,)`.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    values: Float[np.ndarray, "d p"]
+    estimate: Float[np.ndarray, " p"]
+
+    @property
+    def stderr(self) -> dict[str, float]:
+        """Name -> standard deviation of the refits."""
+        return dict(zip(self.names, np.std(self.values, axis=0, ddof=1).tolist(), strict=True))
+
+    @property
+    def bias(self) -> dict[str, float]:
+        """Name -> mean of the refits less the estimate."""
+        return dict(zip(self.names, (np.mean(self.values, axis=0) - self.estimate).tolist(), strict=True))
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Covariance of the refits, shape `(p, p)`."""
+        return np.atleast_2d(np.cov(self.values, rowvar=False))
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Basic bootstrap interval of the parameter `name` (Davison and Hinkley, Bootstrap Methods, 1997, ch. 5): the
+        quantiles of the refits at `level`, mirrored at the estimate."""
+        place = self.names.index(name)
+        low, high = np.quantile(self.values[:, place], [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
+        return float(2.0 * self.estimate[place] - high), float(2.0 * self.estimate[place] - low)
+
+
+def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Array, " q"]]:
+    if result.posterior is None or result.vector is None:
+        raise InputError(
+            f"`{verb}` needs the data of the fit, and a result that was read from a file has none",
+            place="`result`",
+            cure="Fit again, from the drive of this result.",
+        )
+    return result.posterior, result.vector
+
+
+@eqx.filter_jit
+def _held(posterior: Posterior, vector, means):
+    """Cost and vector with the last belief at each of `means`, all others refitted."""
+
+    def one(mean):
+        there = eqx.tree_at(lambda p: p.constraints.beliefs[-1].mean, posterior, mean)
+        end = levenberg_marquardt(
+            there, vector, LONG * equal_curvature(there, vector), _STEPS, tolerance=CLOSE
+        )
+        own = there.constraints.beliefs[-1]
+        off = (part_of(there.drive_of(end.vector), own.path) - own.mean) / own.std
+        return end.cost - 0.5 * off**2, part_of(there.drive_of(end.vector), own.path)
+
+    return jax.lax.map(one, means, batch_size=_LANES)
+
+
+def profile_likelihood(
+    result: FitResult, name: str, *, values: Float[np.ndarray, " k"] | None = None
+) -> Profile:
+    """Profile likelihood of one parameter: its value held, all others refitted, the noise as in the fit.
+
+    **Arguments:**
+
+    - `result`: from `fit`.
+    - `name`: label of a free parameter.
+    - `values`: where to hold it; None: from -3 to 3 standard errors.
+
+    **Returns:**
+
+    A `Profile`.
+
+    **Raises:**
+
+    `InputError` when the result holds no data, the parameter was not free, or has no standard error and no `values`.
+    """
+    require_x64()
+    posterior, vector = _needs(result, "profile_likelihood")
+    if name not in result.names:
+        raise InputError(
+            f"`{name}` was not free in this fit",
+            place="`name`",
+            cure=f"Choose from {', '.join(result.names)}.",
+        )
+    place = result.names.index(name)
+    estimate = result.parameters[name]
+    spread = float(np.sqrt(result.covariance_white[place, place]))
+    if values is None:
+        if not np.isfinite(estimate.stderr):
+            raise InputError(
+                f"`{name}` has no standard error to set the range by", place="`values`", cure="Give `values`."
+            )
+        values = estimate.value + spread * np.array([-3.0, -2.0, -1.3, -0.7, 0.7, 1.3, 2.0, 3.0])
+    path = posterior.constraints.layout[place].path
+    scale = spread if np.isfinite(spread) else float(np.ptp(values)) / len(values)
+    belief = Belief(name, path, estimate.value, _HELD * scale)
+    with_belief = eqx.tree_at(
+        lambda p: p.constraints.beliefs,
+        posterior,
+        (*posterior.constraints.beliefs, belief),
+        is_leaf=lambda leaf: isinstance(leaf, tuple),
+    )
+    means = jnp.asarray(np.concatenate([[estimate.value], np.asarray(values, dtype=float)]))
+    costs, reached = (np.asarray(a) for a in _held(with_belief, vector, means))
+    deviance = 2.0 * (costs[1:] - min(costs[0], float(np.min(costs))))
+    return Profile(name, estimate.value, estimate.stderr, reached[1:], deviance)
+
+
+@eqx.filter_jit
+def _redrawn(posterior: Posterior, vector, unit, keys):
+    drive = posterior.drive_of(vector)
+
+    def one(key):
+        drawn = []
+        for index, evidence in enumerate(posterior.evidence):
+            own = jax.random.fold_in(key, index)
+            drawn.append(evidence.replica(drive, posterior.deflections_of(vector, index), own))
+        there = eqx.tree_at(lambda p: p.evidence, posterior, tuple(drawn))
+        end = levenberg_marquardt(there, vector, unit, _STEPS, tolerance=CLOSE)
+        found = there.drive_of(end.vector)
+        return jnp.stack([part_of(found, free.path) for free in posterior.constraints.layout])
+
+    return jax.lax.map(one, keys, batch_size=_LANES)
+
+
+def bootstrap(
+    result: FitResult, draws: int, key: Key[Array, ""], *, piece: int = 64, progress: Progress = silent
+) -> Bootstrap:
+    """Parametric bootstrap: data drawn from the fitted model and its noise, and fitted again.
+
+    Noise levels stay as in the fit; the position is not quantised again.
+
+    **Arguments:**
+
+    - `result`: from `fit`.
+    - `draws`: how many.
+    - `key`: for the noise.
+    - `piece`: so many at a time, for the progress.
+    - `progress`: called as pieces are done.
+
+    **Returns:**
+
+    A `Bootstrap`.
+
+    **Raises:**
+
+    `InputError` when the result holds no data, or `draws` is below 2.
+    """
+    require_x64()
+    posterior, vector = _needs(result, "bootstrap")
+    if draws < 2:
+        raise InputError(f"`draws` is {draws}", place="`draws`", cure="Two are the least; 200 are usual.")
+    if not all(isinstance(one, AbstractMeasurement) for one in posterior.evidence):
+        raise InputError("no data can be drawn from this fit", place="`result`", cure="Give one from `fit`.")
+    unit = LONG * equal_curvature(posterior, vector)
+    keys = jax.random.split(key, draws)
+    piece = min(piece, draws)
+    found = []
+    for first in range(0, draws, piece):
+        taken = np.minimum(np.arange(first, first + piece), draws - 1)
+        some = np.asarray(_redrawn(posterior, vector, unit, keys[taken]))
+        found.append(some[: min(piece, draws - first)])
+        progress("bootstrap", min(first + piece, draws) / draws)
+    estimate = np.array([result.parameters[name].value for name in result.names])
+    return Bootstrap(result.names, np.concatenate(found), estimate)
