@@ -244,7 +244,6 @@ def test_choices_of_other_numbers_have_one_structure():
     assert jax.tree.structure(made(0.0)) == jax.tree.structure(made(0.1))
 
 
-@pytest.mark.xfail(reason="an upper bound on Fs clips it, wherever Fc is")
 def test_a_bound_on_static_friction_keeps_it_above_coulomb_friction():
     found = _resolve(bounds={"Fs": (0.55, 0.65)})
     start = pack(found.layout, LOADED)

@@ -155,7 +155,6 @@ def test_new_numbers_do_not_compile_again(fitted):
     _recovered(found)
 
 
-@pytest.mark.xfail(reason="a fit stops when no parameter moves, while the noise still does")
 def test_the_likelihood_does_not_depend_on_the_start(fitted, recordings):
     """What is called converged is the top of the likelihood, noise included, within half a unit of it."""
     for start in (FAR_LESS, {"J": 2.5, "sigma0": 0.3, "sigma1": 0.4, "sigma2": 4, "Fc": 2, "Fs": 2, "vs": 3}):
@@ -224,9 +223,6 @@ def test_a_bound_with_the_truth_inside_changes_nothing(fitted, recordings):
         assert apart < 0.1 * fitted.stderr[name], name
 
 
-@pytest.mark.xfail(
-    reason="`Posterior.within` moves a coordinate 1e-3 inside its own range, so none is ever at its end"
-)
 def test_the_end_of_the_admissible_range_is_named():
     """A bristle damped more than a fit allows: a ratio of 1.9 where 1.5 is the most."""
     damped = other_start({"sigma1": 1.9 * 2.0 * np.sqrt(TRUTH["sigma0"] * TRUTH["J"]) / TRUTH["sigma1"]})
@@ -272,7 +268,6 @@ def test_what_weighs_nothing_spoils_nothing(recordings):
     assert max(wrong) > 10.0
 
 
-@pytest.mark.xfail(reason="the cost that rounds are compared by has the noise of every recording at weight 1")
 def test_a_weight_multiplies_the_whole_likelihood(fitted, recordings):
     found = _fit([Observation(one, weight=4.0) for one in recordings])
     assert found.cost == pytest.approx(4.0 * fitted.cost, rel=1e-6)
@@ -291,15 +286,11 @@ def test_a_known_start_is_taken(recordings):
     assert float(batch.x0[1]) != 0.0
 
 
-@pytest.mark.xfail(
-    reason="a line through the first 10 ms is taken for the start, and believed as if noise were all"
-)
 def test_a_machine_that_starts_at_once_does_not_pass_for_noise(recordings):
     found = _fit([driven("stick", stick_input(rest=0), seed=1), *recordings[1:]])
     assert found.noise["stick"].position == pytest.approx(NOISE, rel=0.1)
 
 
-@pytest.mark.xfail(reason="bounds below zero are compared with a factor on the wrong side of them")
 def test_a_bound_below_zero_is_named():
     drive = PLANT.with_effects(effect("ConstantLoad", load=-0.05))
     start = PLANT.with_effects(effect("ConstantLoad", load=-0.02))
@@ -309,7 +300,6 @@ def test_a_bound_below_zero_is_named():
     assert found.at_bounds == ("load",)
 
 
-@pytest.mark.xfail(reason="the noise of recordings of one name overwrites each other")
 def test_recordings_of_one_name_are_kept_apart_or_refused(recordings):
     twice = [recordings[0], recordings[1], dataclasses.replace(recordings[2], name="stick")]
     try:
@@ -319,9 +309,6 @@ def test_recordings_of_one_name_are_kept_apart_or_refused(recordings):
     assert len(found.noise) == 3
 
 
-@pytest.mark.xfail(
-    reason="held under load the filter loses track: a shaken bristle creeps, which it does not expect"
-)
 def test_a_rest_under_load_does_not_pass_for_an_unmeasured_force(recordings):
     """After a move the servo holds the machine with a bent bristle, shaken by the unmeasured force."""
     found = _fit([*recordings[:2], resting("moves", seed=3)])

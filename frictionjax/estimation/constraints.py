@@ -61,6 +61,9 @@ class Constraints(eqx.Module):
         return drive
 
 
+_ONE = "Take it out of one of the two."
+
+
 def _fail(argument: str, problem: str, cure: str) -> NoReturn:
     raise InputError(problem, place=f"`{argument}`", cure=cure)
 
@@ -95,13 +98,23 @@ def resolve(
                 _fail(
                     argument, f"`{name}` is not a parameter of this drive", f"Choose from {', '.join(known)}."
                 )
+    all_free = free is None
     if free is None:
         # Without a known motor constant every force is relative to it: it is free only when asked for by name.
         free = [name for name in known if name != "motor_constant"]
     chosen = [name for name in known if name in free and name not in fixed and name not in ties]
-    both = sorted(set(fixed) & set(ties))
-    if both:
-        _fail("ties", f"{', '.join(both)} would be both fixed and tied", "Take it out of one of the two.")
+    asked_free = set() if all_free else set(free)
+    for first, second, names in (
+        ("fixed", "tied", set(fixed) & set(ties)),
+        ("free", "fixed", asked_free & set(fixed)),
+        ("free", "tied", asked_free & set(ties)),
+        ("bounded", "fixed or tied", set(bounds) & ({*fixed, *ties})),
+    ):
+        if names:
+            which = ", ".join(sorted(names))
+            _fail(
+                "ties" if second == "tied" else "fixed", f"{which} would be both {first} and {second}", _ONE
+            )
     if not chosen:
         _fail("free", "nothing is left to be found: every parameter is fixed or tied", "Free at least one.")
     if "motor_constant" in chosen and "J" in chosen and not {"J", "motor_constant"} & set(priors):

@@ -125,13 +125,23 @@ def fit(
         vectors += [_vector(posterior, one) for one in own]
         notes += seen
     known = np.array([one.noise is not None for one in pieces.positions], dtype=bool)
-    refined = _best(posterior, vectors, starts, key, substeps, known, progress)
+    refined = _best(posterior, vectors, len(given), starts, key, substeps, known, progress)
     progress("standard errors", 0.95)
-    names = ((tuple(one.data.name for one in pieces.positions),) if pieces.positions else ()) + (
-        (tuple(one.data.name for one in pieces.forces),) if pieces.forces else ()
-    )
-    names += tuple((f"response {index + 1}",) for index in range(len(pieces.responses)))
-    return make_result(refined, names, units or {}, notes)
+    return make_result(refined, _names_of(pieces), units or {}, notes)
+
+
+def _names_of(pieces: Sorted) -> tuple[tuple[str, ...], ...]:
+    """A name for each recording and response, evidence by evidence; a second one of a name has its number."""
+    taken: dict[str, int] = {}
+
+    def unique(name: str) -> str:
+        taken[name] = taken.get(name, 0) + 1
+        return name if taken[name] == 1 else f"{name} ({taken[name]})"
+
+    names = [
+        tuple(unique(one.data.name) for one in kind) for kind in (pieces.positions, pieces.forces) if kind
+    ]
+    return (*names, *((f"response {index + 1}",) for index in range(len(pieces.responses))))
 
 
 def _shortest(pieces: Sorted) -> float:
@@ -227,7 +237,9 @@ def _inertia_is_lost(
     return "J" not in priors and "J" not in ties and all(source != "J" for source, _ in ties.values())
 
 
-def _best(posterior, vectors: list, starts: int, key, substeps: int, known, progress: Progress) -> Refined:
+def _best(
+    posterior, vectors: list, given: int, starts: int, key, substeps: int, known, progress: Progress
+) -> Refined:
     """The best end of the ways down: of the most promising start, and of the next where that end looks wrong."""
     stacked = jnp.stack(vectors)
     costs = np.concatenate([robust_costs(_about(posterior, vector), vector[None]) for vector in vectors])
@@ -245,6 +257,10 @@ def _best(posterior, vectors: list, starts: int, key, substeps: int, known, prog
         )
         ways = [reached[i][None] for i in np.argsort(ends) if np.isfinite(ends[i])]
     else:
+        # The best of the user's own starts is followed in any case.
+        best = min((place for place in order if place < given), key=lambda place: costs[place], default=None)
+        if best is not None and best not in order[:_WAYS]:
+            order.insert(_WAYS - 1, best)
         ways = [stacked[place][None] for place in order]
     found: list[Refined] = []
     for number, way in enumerate(ways[:_WAYS]):
@@ -268,5 +284,6 @@ def _about(posterior: Posterior, vector) -> Posterior:
 def _random(posterior: Posterior, vector, starts: int, key: Array) -> Float[Array, "k q"]:
     count = posterior.parameters
     logs = np.array([one.parameter.transform == "log" for one in posterior.constraints.layout])
-    away = np.log(_SPREAD) * jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0) * logs
+    away = np.log(_SPREAD) * jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0)
+    away = away * jnp.asarray(logs, dtype=float)[None]
     return jnp.tile(vector, (starts, 1)).at[:, :count].add(away)

@@ -193,7 +193,7 @@ def observer_fit(
     """
     require_x64()
     if not recordings:
-        raise ValueError("`recordings` is empty; `fit` needs at least one recording.")
+        raise ValueError("`recordings` is empty; `observer_fit` needs at least one recording.")
     starts = (drive,) if isinstance(drive, Drive) else tuple(drive)
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     for start in starts:

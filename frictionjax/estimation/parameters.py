@@ -29,6 +29,7 @@ _FASTEST = 0.6
 # read off directly; those of stiffness and damping may be guesses.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0}
 _WIDEST = 1e4
+_INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 
 class Free(eqx.Module):
@@ -127,7 +128,7 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
     start = jnp.stack(values) if values else jnp.zeros(0)
     # A start on or beyond an end of its range would have no slope.
     inside = [
-        jnp.clip(start[i], low + 1e-3, high - 1e-3)
+        jnp.clip(start[i], low + _INSIDE, high - _INSIDE)
         for i, (low, high) in enumerate(free.range(start[i]) for i, free in enumerate(layout))
         if layout[i].parameter.transform == "log"
     ]
@@ -156,6 +157,9 @@ def unpack(
         else:
             value = coordinate * free.scale
         value = jnp.clip(value, free.least, free.most)
+        if free.path == "friction.Fs":
+            # Whatever the user's bound, static friction stays above Coulomb friction.
+            value = jnp.maximum(value, known["friction.Fc"] * (1.0 + _LEAST_EXCESS))
         known[free.path] = value
         values.append(value)
     return eqx.tree_at(lambda d: [get(d) for get in getters], drive, values)
@@ -181,6 +185,8 @@ def at_a_bound(
     ends = []
     for free, coordinate, first in zip(layout, np.asarray(vector), np.asarray(start), strict=True):
         low, high = free.range(jnp.asarray(first))
-        if not float(low) < float(coordinate) < float(high):
+        # `pack` keeps logarithms this far inside.
+        margin = 2.0 * _INSIDE if free.parameter.transform == "log" else 0.0
+        if not float(low) + margin < float(coordinate) < float(high) - margin:
             ends.append(free.label)
     return tuple(ends)

@@ -45,6 +45,14 @@ class Posterior(AbstractObjective):
         """Whether any recording is force-driven."""
         return any(isinstance(one, Observed | Positions) for one in self.evidence)
 
+    @property
+    def log_deviation(self) -> Float[Array, ""]:
+        """What the noise adds to the cost: sum of the logarithms of all standard deviations, weighted as the errors."""
+        return sum(
+            (weight @ one.log_deviation for one, weight in zip(self.evidence, self.weights, strict=True)),
+            start=jnp.zeros(()),
+        )
+
     def drive_of(self, vector: Float[Array, " q"]) -> Drive:
         """The `Drive` of a free vector, shape `(q,)`."""
         count = self.parameters

@@ -28,13 +28,12 @@ _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
 _ROUNDS = 8
 _STILL = 0.5  # of the cost, a log-likelihood: less is no news
 # A recording that asks for so many times the least unmeasured force may have a wrong model.
-_APART = 30.0
+_APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is not worth a thought
 _LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
 LONG = 6.0  # times the units of the solver: so near the bottom next to no damping is needed
 CLOSE = 0.05  # of a unit: steps converge quadratically here, and the last one leaves far less
 _FAR = 60  # steps through a valley that bends, where no noise has to be found on the way
 _SHORTER = 4.0  # times shorter units, and so sixteen times the damping, after a round whose steps all fail
-MOVED = 0.25  # standard deviations: a round that moves no parameter further is the last
 
 
 class Refined(eqx.Module):
@@ -55,8 +54,14 @@ class Refined(eqx.Module):
         """Whether one recording asks for far more unmeasured force than another: its part of the model may be wrong."""
         if self.noise is None:
             return False
-        push = np.asarray(self.noise.push)
-        return bool(np.max(push) > _APART * np.min(push) and np.min(push) > 0.0)
+        push, level = np.asarray(self.noise.push), float(self.posterior.drive_of(self.vector).friction.Fc)
+        return is_apart(push, level)
+
+
+def is_apart(push: Float[np.ndarray, " r"], level: float) -> bool:
+    """Whether one of the unmeasured forces `push` is far above another, and above what is usual at Coulomb friction
+    `level`."""
+    return bool(np.max(push) > _APART * max(float(np.min(push)), _USUAL * level))
 
 
 class _Present(eqx.Module):
@@ -115,7 +120,7 @@ def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: 
             continue
         if cost < last:
             present, last, retried = moved, cost, False
-        if gained < _STILL or (np.isfinite(gained) and far < MOVED):
+        if gained < _STILL:
             converged = True
             break
     return Refined(present.posterior, present.vector, present.noise, float(last), converged)
@@ -168,6 +173,6 @@ def _descended(present: _Present) -> tuple[_Present, float]:
     if unit is None:
         unit = LONG * equal_curvature(posterior, present.vector)
     end = levenberg_marquardt(posterior, present.vector, unit, _STEPS, tolerance=CLOSE)
-    total = float(end.cost) + sum(float(one.log_deviation) for one in posterior.evidence)
+    total = float(end.cost) + float(posterior.log_deviation)
     vector = posterior.within(end.vector)
     return _Present(posterior.reaching(vector), vector, present.noise, LONG * end.unit), total

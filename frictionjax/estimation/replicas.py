@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.batch import Batch, make_batch
@@ -30,7 +30,8 @@ from frictionjax.recordings import Recording
 
 _QUANTILE = 0.8  # of the block powers: the knee of the robust loss, before it is at the noise
 _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
-_ROUNDS = (AT_FIRST, LIKELY, NEXT, NEXT, NEXT, NEXT)  # candidates for the noise, round by round
+_ROUNDS = (AT_FIRST, LIKELY, *(NEXT,) * 5)  # candidates for the noise, round by round
+_FAR = 8.0  # robust standard deviations of the costs of all sets
 _LANES = 4  # data sets side by side on one core: enough to fill its vector units
 
 
@@ -129,7 +130,7 @@ def _refined(posterior: Posterior, vector, substeps: int, settled: bool):
         end = levenberg_marquardt(posterior, vector, unit, _STEPS, tolerance=CLOSE)
         far = jnp.max(jnp.abs(end.vector - vector) / end.unit) * STRIDE
         vector, unit = posterior.within(end.vector), LONG * end.unit
-    return posterior, vector, noise, end.cost + positions.log_deviation, far
+    return posterior, vector, noise, end.cost + posterior.log_deviation, far
 
 
 def _one(posterior: Posterior, one: _Sets, substeps: int, settle: bool):
@@ -248,20 +249,45 @@ def fit_many(
         other=_others(vectors, constraints.layout, template, sets[0] if own_starts and settle else ()),
     )
     piece = -(-min(piece, count) // len(devices)) * len(devices)
-    found = []
+
+    def run(sets: _Sets):
+        return _in_pieces(posterior, sets, int(substeps), bool(settle), devices, piece, progress)
+
+    found = run(whole)
+    for retry in ("vector", "other"):
+        places = _doubtful(found)
+        if not (settle and own_starts and places.size):
+            break
+        # A start that looked better may lead into a wrong valley: those sets are tried from each of the two.
+        one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
+        start = getattr(one, retry)
+        again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
+        better = ~(found[5][places] <= again[5])
+        for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
+            kept[places[better]] = new[better]
+    return _replicas(found, posterior, batches[0])
+
+
+def _in_pieces(posterior: Posterior, sets: _Sets, substeps: int, settle: bool, devices, piece: int, progress):
+    """All that is kept of all `sets`, as numpy arrays."""
+    count, found = sets.x.shape[0], []
     for first in range(0, count, piece):
         # The last piece is filled up with its last set, so that all pieces share one compiled program.
         taken = np.minimum(np.arange(first, first + piece), count - 1)
-        some = jax.tree.map(lambda leaf, taken=taken: leaf[taken], whole)
+        some = jax.tree.map(lambda leaf, taken=taken: leaf[taken], sets)
         kept = min(piece, count - first)
-        found.append(
-            jax.tree.map(
-                lambda leaf, kept=kept: leaf[:kept],
-                _on_all(posterior, some, int(substeps), bool(settle), devices),
-            )
-        )
+        parts = _on_all(posterior, some, substeps, settle, devices)
+        found.append(jax.tree.map(lambda leaf, kept=kept: leaf[:kept], parts))
         progress("fits", min(first + piece, count) / count)
-    return _replicas(jax.tree.map(lambda *parts: np.concatenate(parts), *found), posterior, batches[0])
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+
+
+def _doubtful(found) -> Int[np.ndarray, " k"]:
+    """Places of the sets whose fit may be in a wrong valley: its likelihood is far below that of the others."""
+    cost = np.where(np.isfinite(found[5]), found[5], np.inf)
+    middle = float(np.median(cost))
+    spread = 1.4826 * float(np.median(np.abs(cost - middle))) if np.isfinite(middle) else 0.0
+    return np.flatnonzero(~(cost <= middle + _FAR * (spread + 1.0)))
 
 
 def _others(vectors, layout, template: Drive, first: Sequence[Recording]) -> Float[np.ndarray, "d q"]:
@@ -297,7 +323,7 @@ def _replicas(found, posterior: Posterior, batch: Batch) -> Replicas:
         if np.all(np.isfinite(hessians[i])) and np.all(np.isfinite(meats[i])):
             inverse = inverse_of(hessians[i])
             white[i] = np.sqrt(np.diag(slopes[i] @ inverse @ slopes[i].T))
-            covariance = honest_covariance(inverse, meats[i], clusters, slopes[i], trusted=True)
+            covariance = honest_covariance(inverse, meats[i], clusters, slopes[i])
             honest[i] = np.sqrt(np.diag(covariance))
     usable: Bool[np.ndarray, " d"] = np.all(np.isfinite(values), axis=1)
     return Replicas(

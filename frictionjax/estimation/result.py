@@ -10,7 +10,6 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
 from frictionjax.estimation.evidence import Forces, Positions
-from frictionjax.estimation.loss import Gaussian
 from frictionjax.estimation.parameters import at_a_bound, part_of
 from frictionjax.estimation.posterior import Posterior, curvature_and_gradients
 from frictionjax.estimation.refine import Refined
@@ -101,8 +100,6 @@ def honest_covariance(
     meat: Float[np.ndarray, "q q"],
     clusters: int,
     slope: Float[np.ndarray, "p q"],
-    *,
-    trusted: bool,
 ) -> Float[np.ndarray, "p p"]:
     """Inverse information, with standard deviations raised where the sandwich H^-1 M H^-1 says more, shape `(p, p)`.
 
@@ -110,14 +107,13 @@ def honest_covariance(
 
     - `inverse`: H^-1, shape `(q, q)`; `meat`: M, the sum of the outer products of cluster gradients; `clusters`: how
         many there are; `slope`: derivative of the p physical values by the free vector, shape `(p, q)`.
-    - `trusted`: whether H is that of a likelihood; else the sandwich counts even where it says less.
     """
     white = slope @ inverse @ slope.T
-    if trusted and clusters < _FEW:
+    if clusters < _FEW:
         return white
     sandwich = slope @ inverse @ meat @ inverse @ slope.T * (clusters / max(clusters - 1, 1))
     ratio = np.diag(sandwich) / np.maximum(np.diag(white), 1e-300)
-    more = np.sqrt(np.maximum(ratio, 1.0 if trusted else 0.0))
+    more = np.sqrt(np.maximum(ratio, 1.0))
     return white * np.outer(more, more)
 
 
@@ -147,7 +143,8 @@ def make_result(
     ends |= {
         one.label
         for one, value in zip(layout, values, strict=False)
-        if value <= float(one.least) * (1.0 + 1e-9) or value >= float(one.most) * (1.0 - 1e-9)
+        if value <= float(one.least) + 1e-9 * abs(float(one.least))
+        or value >= float(one.most) - 1e-9 * abs(float(one.most))
     }
     size = count + len(ties)
     white = honest = np.full((size, size), np.inf)
@@ -156,9 +153,7 @@ def make_result(
         inverse = inverse_of(hessian)
         sums = clustered(gradients, posterior)
         white = slope @ inverse @ slope.T
-        honest = honest_covariance(
-            inverse, sums.T @ sums, len(sums), slope, trusted=isinstance(posterior.loss, Gaussian)
-        )
+        honest = honest_covariance(inverse, sums.T @ sums, len(sums), slope)
         # What rests on the weak prior is not known from the data, however little the errors scatter.
         # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
         wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)

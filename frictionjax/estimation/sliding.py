@@ -14,6 +14,9 @@ WINDOWS = (0.025, 0.008, 0.003)
 
 
 _BOTH = 0.05  # share of the sliding samples that must go the other way
+_LONGER = (
+    20.0  # times the median way between reversals: so much longer is the longest where machines also slide
+)
 _FAR = 0.03  # of the longest way between two reversals: a shorter one is vibration
 
 
@@ -78,7 +81,10 @@ def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = N
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
     ways = [_ways(m) for m in motions]
-    shortest = _FAR * max(float(np.max(way)) for way in ways)
+    longest = max(float(np.max(way)) for way in ways)
+    # Where all ways are much alike there is no telling vibration from moves, and nothing is left out.
+    apart = longest > _LONGER * float(np.median(np.concatenate(ways)))
+    shortest = _FAR * longest if apart else -1.0
     slides = [
         (np.abs(m.v) > 0.05 * top_speed) & (way > shortest) for m, way in zip(motions, ways, strict=True)
     ]

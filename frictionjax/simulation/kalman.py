@@ -17,7 +17,7 @@ from frictionjax.physics import Drive
 from frictionjax.simulation.fixed import initial_state
 from frictionjax.simulation.ros2 import State, advance
 
-_NOTHING = 1e-200  # of a covariance, in any units
+_NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
 
 
 class Filtered(eqx.Module):
@@ -75,7 +75,7 @@ def kalman_filter(
     """
     following = _following(drive, dt, substeps)
     first = _flat(initial_state(drive, *start))
-    size = first.shape[0]
+    size, bristles = first.shape[0], drive.bristle_count
     directions = jnp.eye(size + 1)
     known = jnp.zeros((size, size)).at[0, 0].set(spread[0] ** 2).at[1, 1].set(spread[1] ** 2)
 
@@ -87,6 +87,14 @@ def kalman_filter(
         innovation = measured - state[0]
         state = state + gain * innovation
         covariance = covariance - gain[:, None] * covariance[0][None]
+        # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how
+        # much the mean of |v| is above |mean of v| counts as a noise of the bristle.
+        bend = drive.spring_force(state[2]) / drive.level(state[0], state[1])
+        spread = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
+        off = jnp.abs(state[1]) / spread
+        above = spread * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
+        creep = (bend * dt * above) ** 2
+        covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
         state, columns = jax.vmap(
             lambda way: jax.jvp(following, (state, motor), (way[:size], way[size])), out_axes=(None, 0)
         )(directions)

@@ -28,8 +28,8 @@ class AbstractEvidence(eqx.Module):
 
     @property
     @abstractmethod
-    def log_deviation(self) -> Float[Array, ""]:
-        """Sum of the logarithms of the standard deviations of all scored numbers."""
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Sum of the logarithms of the standard deviations of the scored numbers in each block, shape `(b,)`."""
 
 
 class AbstractMeasurement(AbstractEvidence):

@@ -47,9 +47,9 @@ class Forces(AbstractMeasurement):
         return jnp.sum(self.valid.reshape(-1, self.block), axis=1)
 
     @property
-    def log_deviation(self) -> Float[Array, ""]:
-        """Sum of the logarithms of the noise of all scored samples."""
-        return jnp.sum(self.valid * jnp.log(self.noise)[:, None])
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Sum of the logarithms of the noise of the scored samples in each block, shape `(b,)`."""
+        return jnp.sum((self.valid * jnp.log(self.noise)[:, None]).reshape(-1, self.block), axis=1)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Modelled less measured force of `drive` over its noise, shape `(b, n)`; `z0` over Fs/sigma0."""

@@ -30,9 +30,9 @@ class Observed(AbstractEvidence):
         return self.batch.block_count.ravel()
 
     @property
-    def log_deviation(self) -> Float[Array, ""]:
-        """Zero: the observer's noise is not estimated."""
-        return jnp.zeros(())
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Zeros, shape `(b,)`: the observer's noise is not estimated."""
+        return jnp.zeros(self.count.shape)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Standardised innovations of `drive`, shape `(b, n)`; `z0` over Fs/sigma0."""

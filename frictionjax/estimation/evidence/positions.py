@@ -41,9 +41,9 @@ class Positions(AbstractMeasurement):
         return self.batch.block_count.ravel()
 
     @property
-    def log_deviation(self) -> Float[Array, ""]:
-        """Sum of the logarithms of the standard deviations of all scored samples."""
-        return jnp.sum(self.batch.valid * jnp.log(self.deviation))
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Sum of the logarithms of the standard deviations of the scored samples in each block, shape `(b,)`."""
+        return jnp.sum((self.batch.valid * jnp.log(self.deviation)).reshape(-1, self.batch.block), axis=1)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Prediction errors of `drive` over their standard deviations, shape `(b, n)`; `z0` over Fs/sigma0."""

@@ -36,9 +36,9 @@ class Response(AbstractMeasurement):
         return jnp.ones(2 * self.deviation.shape[0])
 
     @property
-    def log_deviation(self) -> Float[Array, ""]:
-        """Sum of the logarithms of the deviations of real and imaginary parts."""
-        return 2.0 * jnp.sum(jnp.log(self.deviation))
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Logarithms of the deviations of real and imaginary parts, shape `(2 nf,)`."""
+        return jnp.tile(jnp.log(self.deviation), 2)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Real and imaginary parts of modelled less measured response over their deviation, shape `(2 nf, 1)`; for
