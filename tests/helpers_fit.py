@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from helpers_estimation import PLANT, VOLT, truth
 
+from frictionjax.estimation import fit
 from frictionjax.excitation import point_to_point, prbs
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
@@ -124,3 +125,12 @@ def resting(name, *, seed):
     """A servo that moves three times and holds the machine, with a bent bristle, after each."""
     reference = point_to_point(SAMPLES, RATE, (0.3, -0.1, 0.02), (0.3, 0.5, 0.8), rests=0.5)
     return servo(name, np.asarray(reference), seed=seed)
+
+
+NEAR = other_start({"J": 1.1, "sigma0": 0.9, "sigma2": 1.1, "Fc": 0.95, "vs": 0.9})
+UNITS = {"force": "N*m", "position": "rad", "input": "V"}
+
+
+def fit_near(data, start=NEAR, **choices):
+    """`fit` from a fair start, with the `choices` of a test."""
+    return fit(start, data, **({"encoder_step": FINE, "own_starts": False, "units": UNITS} | choices))

@@ -35,8 +35,6 @@ def test_everything_but_the_motor_constant_is_free():
 def test_free_and_fixed_are_as_asked():
     assert _labels(_resolve(free=("Fc", "Fs", "load"))) == ("Fc", "Fs", "load")
     assert _labels(_resolve(fixed=("J", "vs"))) == ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "load")
-    # What is fixed stays so, even where it is also asked for.
-    assert _labels(_resolve(free=("J", "Fc"), fixed=("J",))) == ("Fc",)
     assert _labels(_resolve(free=("motor_constant", "Fc"))) == ("Fc", "motor_constant")
 
 
@@ -144,8 +142,16 @@ NOT_MEANT = {
     ),
     "no mean": ({"priors": {"J": (np.nan, 1.0)}}, r"`priors`: J has mean nan"),
     "nothing to do": (
-        {"free": ("J",), "fixed": ("J",)},
+        {"free": (), "fixed": ()},
         r"`free`: nothing is left to be found.*Free at least one",
+    ),
+    "free and fixed": (
+        {"free": ("J", "Fc"), "fixed": ("J",)},
+        r"`fixed`: J would be both free and fixed.*Take it out of one of the two",
+    ),
+    "bounds on what is fixed": (
+        {"bounds": {"J": (1e-3, 1.0)}, "fixed": ("J",)},
+        r"J would be both bounded and fixed or tied.*Take it out of one of the two",
     ),
     "all fixed": ({"fixed": (*ARM, "load")}, r"`free`: nothing is left to be found"),
     "all forces": (

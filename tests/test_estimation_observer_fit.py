@@ -178,7 +178,9 @@ def test_a_known_inertia_is_kept_and_not_reported():
 
 
 def test_no_recording_is_an_error():
-    with pytest.raises(ValueError, match=r"`recordings` is empty; `fit` needs at least one recording\."):
+    with pytest.raises(
+        ValueError, match=r"`recordings` is empty; `observer_fit` needs at least one recording\."
+    ):
         observer_fit(PLANT, ())
 
 

@@ -13,7 +13,7 @@ from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.constraints import Constraints, resolve
 from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_response, observed
 from frictionjax.estimation.loss import AbstractLoss, Gaussian
-from frictionjax.estimation.observation import Observation, Sorted, sort_data
+from frictionjax.estimation.observation import Observation, Sorted, recordings_of, responses_of, sort_data
 from frictionjax.estimation.observer_fit import require_positive
 from frictionjax.estimation.parameters import pack, part_of
 from frictionjax.estimation.posterior import Posterior
@@ -139,7 +139,9 @@ def _names_of(pieces: Sorted) -> tuple[tuple[str, ...], ...]:
         return name if taken[name] == 1 else f"{name} ({taken[name]})"
 
     names = [
-        tuple(unique(one.data.name) for one in kind) for kind in (pieces.positions, pieces.forces) if kind
+        tuple(unique(one.name) for one in recordings_of(kind))
+        for kind in (pieces.positions, pieces.forces)
+        if kind
     ]
     return (*names, *((f"response {index + 1}",) for index in range(len(pieces.responses))))
 
@@ -152,7 +154,7 @@ def _shortest(pieces: Sorted) -> float:
 def _batch_of(observations: tuple[Observation, ...], encoder_step: float | None) -> Batch | None:
     if not observations:
         return None
-    batch = make_batch(tuple(one.data for one in observations), encoder_step=encoder_step)
+    batch = make_batch(recordings_of(observations), encoder_step=encoder_step)
     for name in ("noise", "x0", "v0"):
         values = np.array(getattr(batch, name))
         for row, one in enumerate(observations):
@@ -166,7 +168,7 @@ def _sizes(drive: Drive, batch: Batch | None, pieces: Sorted) -> Mapping[str, fl
     if batch is not None:
         return plant_scales(drive, batch)
     if pieces.forces:
-        return plant_scales(drive, make_forces(tuple(one.data for one in pieces.forces)))
+        return plant_scales(drive, make_forces(recordings_of(pieces.forces)))
     return {}
 
 
@@ -178,13 +180,11 @@ def _posterior(drive, constraints: Constraints, batch, pieces: Sorted, loss) -> 
         blocks = batch.x.shape[1] // batch.block
         weights.append(np.repeat([one.weight for one in pieces.positions], blocks))
     if pieces.forces:
-        forces = make_forces(
-            tuple(one.data for one in pieces.forces), tuple(one.noise for one in pieces.forces)
-        )
+        forces = make_forces(recordings_of(pieces.forces), tuple(one.noise for one in pieces.forces))
         evidence.append(forces)
         weights.append(np.repeat([one.weight for one in pieces.forces], forces.x.shape[1] // forces.block))
-    for one in pieces.responses:
-        response = make_response(one.data, one.band, hold=one.hold)
+    for one, frf in zip(pieces.responses, responses_of(pieces.responses), strict=True):
+        response = make_response(frf, one.band, hold=one.hold)
         evidence.append(response)
         weights.append(np.full(response.count.shape[0], one.weight))
     rows = sum(one.rows for one in evidence)
@@ -211,12 +211,12 @@ def _own(template: Drive, pieces: Sorted, constraints: Constraints) -> tuple[lis
     free = [one.label for one in constraints.layout]
     motor_constant = float(template.motor_constant)
     if pieces.positions:
-        found = starting_values(tuple(one.data for one in pieces.positions), motor_constant=motor_constant)
+        found = starting_values(recordings_of(pieces.positions), motor_constant=motor_constant)
     else:
         found = starting_values_imposed(
-            tuple(one.data for one in pieces.forces),
+            recordings_of(pieces.forces),
             inertia=None if "J" in free else float(template.J),
-            responses=tuple(one.data for one in pieces.responses),
+            responses=responses_of(pieces.responses),
             motor_constant=motor_constant,
         )
     own = []
@@ -251,9 +251,9 @@ def _best(
     order = [place for place in np.argsort(costs) if np.isfinite(costs[place])]
     progress("settling", 0.05)
     if starts:
-        moved = _random(posterior, stacked[order[0]], starts, jax.random.key(0) if key is None else key)
+        moved = _random(posterior, vectors[order[0]], starts, jax.random.key(0) if key is None else key)
         reached, ends = settle(
-            _about(posterior, stacked[order[0]]), jnp.concatenate([stacked[np.array(order)], moved])
+            _about(posterior, vectors[order[0]]), jnp.concatenate([stacked[np.array(order)], moved])
         )
         ways = [reached[i][None] for i in np.argsort(ends) if np.isfinite(ends[i])]
     else:
@@ -261,7 +261,7 @@ def _best(
         best = min((place for place in order if place < given), key=lambda place: costs[place], default=None)
         if best is not None and best not in order[:_WAYS]:
             order.insert(_WAYS - 1, best)
-        ways = [stacked[place][None] for place in order]
+        ways = [vectors[place][None] for place in order]
     found: list[Refined] = []
     for number, way in enumerate(ways[:_WAYS]):
         # Each range is about its own start: what is read off recordings may be far from what the user guessed.

@@ -117,3 +117,13 @@ def _check(recording: Recording) -> None:
                 place="`data`",
                 cure="Cut them out, or interpolate them.",
             )
+
+
+def recordings_of(observations: tuple[Observation, ...]) -> tuple[Recording, ...]:
+    """The recordings among the data of `observations`."""
+    return tuple(one.data for one in observations if isinstance(one.data, Recording))
+
+
+def responses_of(observations: tuple[Observation, ...]) -> tuple[FRF, ...]:
+    """The frequency responses among the data of `observations`."""
+    return tuple(one.data for one in observations if isinstance(one.data, FRF))

@@ -29,7 +29,7 @@ _FASTEST = 0.6
 # read off directly; those of stiffness and damping may be guesses.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0}
 _WIDEST = 1e4
-_INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
+INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 
 class Free(eqx.Module):
@@ -128,7 +128,7 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
     start = jnp.stack(values) if values else jnp.zeros(0)
     # A start on or beyond an end of its range would have no slope.
     inside = [
-        jnp.clip(start[i], low + _INSIDE, high - _INSIDE)
+        jnp.clip(start[i], low + INSIDE, high - INSIDE)
         for i, (low, high) in enumerate(free.range(start[i]) for i, free in enumerate(layout))
         if layout[i].parameter.transform == "log"
     ]
@@ -179,14 +179,14 @@ def physical(
 
 
 def at_a_bound(
-    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"]
+    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"], *, margin: float = 0.0
 ) -> tuple[str, ...]:
-    """Labels of the free parameters that ended at an end of their admissible range."""
+    """Labels of the free parameters that ended at an end of their admissible range, or with their logarithm within
+    `margin` of it; other arguments as in `unpack`."""
     ends = []
     for free, coordinate, first in zip(layout, np.asarray(vector), np.asarray(start), strict=True):
         low, high = free.range(jnp.asarray(first))
-        # `pack` keeps logarithms this far inside.
-        margin = 2.0 * _INSIDE if free.parameter.transform == "log" else 0.0
-        if not float(low) + margin < float(coordinate) < float(high) - margin:
+        near = margin if free.parameter.transform == "log" else 0.0
+        if not float(low) + near < float(coordinate) < float(high) - near:
             ends.append(free.label)
     return tuple(ends)

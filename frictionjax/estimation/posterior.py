@@ -12,7 +12,7 @@ from frictionjax.estimation.constraints import Constraints, belief_residuals
 from frictionjax.estimation.evidence import AbstractEvidence, Observed, Positions
 from frictionjax.estimation.least_squares import AbstractObjective, Quadratic, quadratic_of
 from frictionjax.estimation.loss import AbstractLoss
-from frictionjax.estimation.parameters import at_a_bound, pack, unpack
+from frictionjax.estimation.parameters import INSIDE, at_a_bound, pack, unpack
 from frictionjax.physics import Drive
 
 
@@ -76,7 +76,7 @@ class Posterior(AbstractObjective):
         """The same, but where `vector`, shape `(q,)`, is at an end of a range about the start, it starts there: a
         descent that began far off may have further to go."""
         layout, count = self.constraints.layout, self.parameters
-        ends = at_a_bound(layout, vector[:count], self.start[:count])
+        ends = at_a_bound(layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
         places = np.array([one.label in ends for one in layout] + [False] * (vector.shape[0] - count))
         return eqx.tree_at(lambda p: p.start, self, jnp.where(places, vector, self.start))
 

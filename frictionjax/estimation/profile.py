@@ -170,6 +170,8 @@ def _redrawn(posterior: Posterior, vector, unit, keys):
     def one(key):
         drawn = []
         for index, evidence in enumerate(posterior.evidence):
+            if not isinstance(evidence, AbstractMeasurement):
+                raise TypeError("Only data with a noise of their own can be drawn.")
             own = jax.random.fold_in(key, index)
             drawn.append(evidence.replica(drive, posterior.deflections_of(vector, index), own))
         there = eqx.tree_at(lambda p: p.evidence, posterior, tuple(drawn))

@@ -16,14 +16,14 @@ from frictionjax.estimation.evidence import (
     filtered,
     scored_from_the_start,
 )
-from frictionjax.estimation.least_squares import STRIDE, equal_curvature, levenberg_marquardt
+from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.posterior import Posterior
 
 # Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still coming; then
 # candidates for what is likely; then candidates over the last one found. All of one number: one compiled program.
 AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
-LIKELY = np.array([0.0, 1e-4, 1e-3, 1e-2, 1e-1])
-NEXT = np.array([0.1, 0.3, 0.6, 1.0, 1.7])
+LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
+NEXT = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
 _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
 _ROUNDS = 8
 _STILL = 0.5  # of the cost, a log-likelihood: less is no news
@@ -109,10 +109,8 @@ def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: 
     for number in range(_ROUNDS):
         around = _around(present) if number > 0 or parts is NEXT else _of_friction(present, parts)
         moved, cost = _descended(_weighed(present, around, substeps, known))
-        # A coordinate's unit is so many of its standard deviations, were all others known.
-        far = float(jnp.max(jnp.abs(moved.vector - present.vector) / moved.unit)) * LONG * STRIDE
         gained = last - cost
-        if far == 0.0 and not retried and number < _ROUNDS - 1:
+        if bool(jnp.all(moved.vector == present.vector)) and not retried and number < _ROUNDS - 1:
             # Every step failed: at the bottom, or where the valley bends too much for next to no damping.
             last, retried = min(last, cost), True
             shorter = None if moved.unit is None else moved.unit / _SHORTER

@@ -67,20 +67,29 @@ class Replicas(eqx.Module):
 class _Sets(eqx.Module):
     """What differs from data set to data set; shapes `(d, ...)`."""
 
-    u: Float[Array, "d r n"]
-    x: Float[Array, "d r n"]
-    noise: Float[Array, "d r"]
-    x0: Float[Array, "d r"]
-    v0: Float[Array, "d r"]
-    vector: Float[Array, "d q"]
-    other: Float[Array, "d q"]
+    u: Float[Array | np.ndarray, "d r n"]
+    x: Float[Array | np.ndarray, "d r n"]
+    noise: Float[Array | np.ndarray, "d r"]
+    x0: Float[Array | np.ndarray, "d r"]
+    v0: Float[Array | np.ndarray, "d r"]
+    vector: Float[Array | np.ndarray, "d q"]
+    other: Float[Array | np.ndarray, "d q"]
+
+
+def _batch_of(posterior: Posterior) -> Batch:
+    """The recordings of `posterior`, its only evidence."""
+    (seen,) = posterior.evidence
+    if not isinstance(seen, Observed):
+        raise TypeError("Many fits at once are for positions.")
+    return seen.batch
 
 
 def _with(posterior: Posterior, one: _Sets) -> Posterior:
     """The `posterior` with the numbers of one data set."""
-    (seen,) = posterior.evidence
     batch = eqx.tree_at(
-        lambda b: (b.u, b.x, b.noise, b.x0, b.v0), seen.batch, (one.u, one.x, one.noise, one.x0, one.v0)
+        lambda b: (b.u, b.x, b.noise, b.x0, b.v0),
+        _batch_of(posterior),
+        (one.u, one.x, one.noise, one.x0, one.v0),
     )
     return eqx.tree_at(lambda p: (p.evidence[0].batch, p.start), posterior, (batch, one.vector))
 
@@ -112,18 +121,18 @@ def _settled(posterior: Posterior, vector):
 
 def _refined(posterior: Posterior, vector, substeps: int, settled: bool):
     """The bottom of the valley, what its noise is, and how far the last round moved."""
-    batch = scored_from_the_start(posterior.evidence[0].batch)
+    batch = scored_from_the_start(_batch_of(posterior))
     known = jnp.zeros(batch.x.shape[0], dtype=bool)
 
     # The rounds stand one after the other: in a loop of their own, the loops inside would copy what they carry.
-    unit = noise = None
+    unit = best = None
     for parts in _ROUNDS if settled else _ROUNDS[1:]:
         drive, z0 = posterior.drive_of(vector), posterior.deflections_of(vector, 0)
-        if parts is NEXT:
-            ratio = noise.best[:, None] * parts[None]
-        else:
-            ratio = drive.friction.Fc / batch.noise[:, None] * parts[None]
+        if best is None or parts is not NEXT:
+            best = drive.friction.Fc / batch.noise
+        ratio = best[:, None] * parts[None]
         positions, noise = filtered(drive, z0, batch, ratio, known, substeps)
+        best = noise.best
         posterior = eqx.tree_at(lambda p: p.evidence, posterior, (positions,))
         if unit is None:
             unit = LONG * equal_curvature(posterior, vector)
@@ -135,7 +144,7 @@ def _refined(posterior: Posterior, vector, substeps: int, settled: bool):
 
 def _one(posterior: Posterior, one: _Sets, substeps: int, settle: bool):
     """All that is kept of one data set."""
-    posterior, vector = _with(posterior, one), one.vector
+    posterior, vector = _with(posterior, one), jnp.asarray(one.vector)
     if settle:
         vector = _settled(posterior, _better(posterior, vector, one.other))
         posterior = eqx.tree_at(lambda p: p.start, posterior, vector)
@@ -165,7 +174,7 @@ def _on_all(posterior: Posterior, sets: _Sets, substeps: int, settle: bool, devi
     def run(number: int):
         some = jax.tree.map(lambda leaf: leaf[number * share : (number + 1) * share], sets)
         there = jax.device_put((posterior, some), devices[number])
-        return jax.block_until_ready(_in_turn(*there, substeps, settle))
+        return jax.block_until_ready(_in_turn(there[0], there[1], substeps, settle))
 
     with ThreadPoolExecutor(len(devices)) as threads:
         parts = list(threads.map(run, range(len(devices))))

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
 from frictionjax.estimation.evidence import Forces, Positions
-from frictionjax.estimation.parameters import at_a_bound, part_of
+from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
 from frictionjax.estimation.posterior import Posterior, curvature_and_gradients
 from frictionjax.estimation.refine import Refined
 from frictionjax.estimation.uncertainty import estimate_of
@@ -139,7 +139,7 @@ def make_result(
     hessian, gradients = np.asarray(near.hessian), [np.asarray(g) for g in near.gradients]
     finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in gradients))
     values, slope = (np.asarray(a) for a in _values(posterior, vector))
-    ends = set(at_a_bound(layout, vector[:count], posterior.start[:count]))
+    ends = set(at_a_bound(layout, vector[:count], posterior.start[:count], margin=2.0 * INSIDE))
     ends |= {
         one.label
         for one, value in zip(layout, values, strict=False)

@@ -3,10 +3,11 @@
 import numpy as np
 
 from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.evidence import Forces
 from frictionjax.physics import Drive
 
 
-def plant_scales(drive: Drive, batch: Batch) -> dict[str, float]:
+def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
     """Sizes by the names that `Parameter.scale` may use.
 
     **Arguments:**

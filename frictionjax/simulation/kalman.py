@@ -20,6 +20,12 @@ from frictionjax.simulation.ros2 import State, advance
 _NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
 
 
+# The creep of a shaken bristle goes one way for long: as a noise that is new at each sample it must be larger. At 30
+# times its variance the innovations of a held machine are white (tests/test_estimation_fit.py), at 10 the filter is
+# lost.
+_LASTING = 30.0
+
+
 class Filtered(eqx.Module):
     """What the filter found along one recording.
 
@@ -93,7 +99,7 @@ def kalman_filter(
         spread = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
         off = jnp.abs(state[1]) / spread
         above = spread * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
-        creep = (bend * dt * above) ** 2
+        creep = _LASTING * (bend * dt * above) ** 2
         covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
         state, columns = jax.vmap(
             lambda way: jax.jvp(following, (state, motor), (way[:size], way[size])), out_axes=(None, 0)
