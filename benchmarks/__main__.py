@@ -3,7 +3,7 @@
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
 NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `flags`, `simulation_gpu`, `compile_time`,
-`compile_time_diagnose`, `estimation`; all if none is given.
+`compile_time_diagnose`, `estimation_study`, `estimation_refit`, `estimation_plants`; all if none is given.
 """
 
 import argparse
@@ -28,7 +28,9 @@ NAMES = (
     "simulation_gpu",
     "compile_time",
     "compile_time_diagnose",
-    "estimation",
+    "estimation_study",
+    "estimation_refit",
+    "estimation_plants",
 )
 HERE = Path(__file__).parent
 BEGIN, END = "<!-- table: python -m benchmarks -->", "<!-- end of table -->"

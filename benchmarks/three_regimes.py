@@ -124,3 +124,10 @@ def bound(theta, inputs, noise: float) -> np.ndarray:
     information[np.arange(9, 16, 3), np.arange(9, 16, 3)] += 4.0
     size = np.sqrt(np.diag(information))
     return np.sqrt(np.diag(np.linalg.inv(information / np.outer(size, size))))[:7] / size[:7]
+
+
+def apart(theta) -> np.ndarray:
+    """Static friction above Coulomb friction."""
+    theta = np.array(theta, dtype=float)
+    theta[5] = max(theta[5], 1.002 * theta[4])
+    return theta

@@ -50,6 +50,9 @@ def _run(*arguments):
         "compile_time",
         pytest.param("compile_time_diagnose", marks=pytest.mark.slow),
         pytest.param("flags", marks=pytest.mark.slow),
+        "estimation_study",
+        pytest.param("estimation_refit", marks=pytest.mark.slow),
+        pytest.param("estimation_plants", marks=pytest.mark.slow),
     ],
 )
 def test_a_benchmark_runs_and_its_numbers_are_finite(name, tmp_path):

@@ -25,7 +25,7 @@ AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
 LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
 NEXT = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
 _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
-_ROUNDS = 8
+_ROUNDS = 12
 _STILL = 0.5  # of the cost, a log-likelihood: less is no news
 # A recording that asks for so many times the least unmeasured force may have a wrong model.
 _APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is not worth a thought

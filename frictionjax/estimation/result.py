@@ -206,9 +206,11 @@ def _noise_of(refined: Refined, powers, names: tuple[tuple[str, ...], ...]) -> d
         power = (np.asarray(blocks).reshape(len(own), -1) * count).sum(1) / count.sum(1)
         for row, name in enumerate(own):
             if isinstance(evidence, Positions) and refined.noise is not None:
-                level, push = float(refined.noise.position[row]), float(refined.noise.push[row])
+                level, push = (
+                    float(np.asarray(n)[row]) for n in (refined.noise.position, refined.noise.push)
+                )
             elif isinstance(evidence, Forces):
-                level, push = float(evidence.noise[row]), 0.0
+                level, push = float(np.asarray(evidence.noise)[row]), 0.0
             else:
                 level, push = float("nan"), 0.0
             found[name] = RecordingNoise(level, push, float(power[row]))

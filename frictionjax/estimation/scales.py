@@ -16,7 +16,8 @@ def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
     - `batch`: the recordings.
     """
     friction = drive.friction
-    inside = [np.asarray(batch.x[row, : batch.lengths[row]]) for row in range(len(batch.lengths))]
+    positions = np.asarray(batch.x)
+    inside = [positions[row, : batch.lengths[row]] for row in range(len(batch.lengths))]
     low, high = min(x.min() for x in inside), max(x.max() for x in inside)
     Fc, stroke = float(friction.Fc), float(high - low)
     return {
