@@ -307,6 +307,16 @@ def test_a_rest_under_load_does_not_pass_for_an_unmeasured_force(recordings):
     assert found.noise["moves"].position == pytest.approx(NOISE, rel=0.1)
 
 
+def test_an_encoder_counts_as_noise(recordings):
+    """Positions in whole steps of five times the noise: step/sqrt(12) and the noise together are what is found."""
+    step = 5.0 * NOISE
+    coarse = [dataclasses.replace(one, x=step * np.round(one.x / step)) for one in recordings]
+    found = fit_near(coarse, encoder_step=step)
+    _recovered(found, within=5.0)
+    for name in NAMES:
+        assert found.noise[name].position == pytest.approx(np.hypot(NOISE, step / np.sqrt(12.0)), rel=0.15)
+
+
 def _spoiled(seed):
     """A stretch of 0.3 s of the stick in which the amplifier gives three quarters of what is recorded."""
     stick, ramps, moves = experiment(seed)
