@@ -35,7 +35,9 @@ def _white(result, name):
     return float(np.sqrt(result.covariance_white[place, place]))
 
 
-@pytest.mark.parametrize("name", ["J", "sigma0", "Fc"])
+@pytest.mark.parametrize(
+    "name", ["J", pytest.param("sigma0", marks=pytest.mark.slow), pytest.param("Fc", marks=pytest.mark.slow)]
+)
 def test_near_the_optimum_the_profile_is_the_parabola_of_the_standard_error(fitted, name):
     found, spread = profile_likelihood(fitted, name), _white(fitted, name)
     z = (found.values - found.value) / spread
