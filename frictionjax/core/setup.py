@@ -37,7 +37,7 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
     """Set JAX up for simulations, once, before it computes anything: call it right after the imports.
 
     Switches float64 on; makes every processor core a JAX device, over which batches are spread; and asks XLA, through
-    the environment variable XLA_FLAGS, to compile small loops as one piece. Simulations run 2 to 30 times faster with
+    the environment variable XLA_FLAGS, to compile small loops as one piece. Simulations run several times faster with
     it, and every number stays what it is up to rounding. What XLA_FLAGS says already stays. The whole process is
     affected, which is why the library never does this unasked; the program `frictionjax` does.
 

@@ -115,6 +115,18 @@ def kalman_filter(
     return Filtered(*jax.lax.scan(sample, (first, known), (force, x))[1])
 
 
+def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
+    """What `tell(predicted position, given)` says of each sample, as (innovation, output); the outputs, shape `(n,)`."""
+    following = _following(drive, dt, substeps)
+
+    def sample(state, inputs):
+        motor, own, weight = inputs
+        innovation, output = tell(state[0], own)
+        return following(state + weight * innovation, motor), output
+
+    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, given, gain))[1]
+
+
 def predicted_with(
     drive: Drive,
     force: Float[Array, " n"],
@@ -129,14 +141,7 @@ def predicted_with(
 
     **Arguments:** `gain` as in `Filtered`, shape `(n, m)`; the others as in `kalman_filter`.
     """
-    following = _following(drive, dt, substeps)
-
-    def sample(state, inputs):
-        motor, measured, own = inputs
-        innovation = measured - state[0]
-        return following(state + own * innovation, motor), innovation
-
-    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, x, gain))[1]
+    return _along(drive, force, x, dt, gain, start, substeps, lambda seen, own: (own - seen, own - seen))
 
 
 def driven_by(
@@ -153,10 +158,4 @@ def driven_by(
 
     **Arguments:** `innovation`: position units, shape `(n,)`; the others as in `predicted_with`.
     """
-    following = _following(drive, dt, substeps)
-
-    def sample(state, inputs):
-        motor, own, weight = inputs
-        return following(state + weight * own, motor), state[0] + own
-
-    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, innovation, gain))[1]
+    return _along(drive, force, innovation, dt, gain, start, substeps, lambda seen, own: (own, seen + own))
