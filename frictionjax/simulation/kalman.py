@@ -116,7 +116,7 @@ def kalman_filter(
 
 
 def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
-    """What `tell(predicted position, given)` says of each sample, as (innovation, output); the outputs, shape `(n,)`."""
+    """What `tell(predicted position, given)` says at each sample as (innovation, output): the outputs, shape `(n,)`."""
     following = _following(drive, dt, substeps)
 
     def sample(state, inputs):
