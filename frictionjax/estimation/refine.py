@@ -13,10 +13,10 @@ from frictionjax.estimation.evidence import (
     Noise,
     Observed,
     Positions,
-    filtered,
+    filtered_on_all,
     scored_from_the_start,
 )
-from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt
+from frictionjax.estimation.least_squares import STRIDE, equal_curvature, levenberg_marquardt
 from frictionjax.estimation.posterior import Posterior
 
 # Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still coming; then
@@ -27,6 +27,8 @@ NEXT = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
 _STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
 _ROUNDS = 12
 _STILL = 0.5  # of the cost, a log-likelihood: less is no news
+_SHORT = 1.0  # standard deviations of a coordinate, were all others known: so short a round was the last,
+_ALIKE = np.log(1.2)  # if the likeliest noise also stays within this factor
 # A recording that asks for so many times the least unmeasured force may have a wrong model.
 _APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is not worth a thought
 _LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
@@ -110,6 +112,7 @@ def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: 
         around = _around(present) if number > 0 or parts is NEXT else _of_friction(present, parts)
         moved, cost = _descended(_weighed(present, around, substeps, known))
         gained = last - cost
+        at_rest = _at_rest(present, moved)
         if bool(jnp.all(moved.vector == present.vector)) and not retried and number < _ROUNDS - 1:
             # Every step failed: at the bottom, or where the valley bends too much for next to no damping.
             last, retried = min(last, cost), True
@@ -118,10 +121,22 @@ def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: 
             continue
         if cost < last:
             present, last, retried = moved, cost, False
-        if gained < _STILL:
+        if gained < _STILL or at_rest:
             converged = True
             break
     return Refined(present.posterior, present.vector, present.noise, float(last), converged)
+
+
+def _at_rest(before: _Present, after: _Present) -> bool:
+    """Whether a round has moved next to nothing: the weights of one more would be the same."""
+    if after.unit is None or (after.noise is not None and before.noise is None):
+        return False
+    far = np.abs(np.asarray(after.vector - before.vector)) * STRIDE * LONG / np.asarray(after.unit)
+    if np.max(far) > _SHORT:
+        return False
+    if before.noise is None or after.noise is None:
+        return True
+    return bool(np.all(np.abs(np.log(after.noise.best) - np.log(before.noise.best)) < _ALIKE))
 
 
 def _around(present: _Present) -> Float[np.ndarray, "r k"] | None:
@@ -148,7 +163,7 @@ def _weighed(present: _Present, ratios, substeps: int, known) -> _Present:
             evidence[index] = one.with_noise_of(drive, z0)
         elif isinstance(one, Observed | Positions):
             batch = scored_from_the_start(one.batch) if isinstance(one, Observed) else one.batch
-            evidence[index], noise = filtered(
+            evidence[index], noise = filtered_on_all(
                 drive, z0, batch, jnp.asarray(ratios), jnp.asarray(known), substeps
             )
     weighed = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
