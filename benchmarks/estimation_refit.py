@@ -133,11 +133,10 @@ def _monte_carlo(recordings, truth, constant, small: bool) -> list[dict]:
     ]
     starts = [apart(truth * 1.3 ** rng.choice([-1, 1], 7)) for _ in range(draws)]
     machines = [_machine(start, constant) for start in starts]
-    piece = 2 if small else 20
     sys.stderr.write(f"{draws} refits at once\n")
-    fit_many(machines[:piece], sets[:piece], encoder_step=1e-15, piece=piece)
+    fit_many(machines[:8], sets[:8], encoder_step=1e-15)
     begin = time.perf_counter()
-    found = fit_many(machines, sets, encoder_step=1e-15, piece=piece)
+    found = fit_many(machines, sets, encoder_step=1e-15)
     ours = (time.perf_counter() - begin) / draws
     plain = [[(r.u, r.x, 1.0 / r.sample_rate) for r in one] for one in sets[:few]]
     _, seconds, _ = refit_numba.refit_many(plain, constant, np.array(starts[:few]), S_REC)

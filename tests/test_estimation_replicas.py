@@ -22,7 +22,7 @@ def sets():
 def found(sets):
     rng = np.random.default_rng(2)
     starts = [other_start({n: 1.2 ** rng.uniform(-1, 1) for n in LABELS if n != "Fs"}) for _ in range(SETS)]
-    return fit_many(starts, sets, encoder_step=FINE, piece=4)
+    return fit_many(starts, sets, encoder_step=FINE)
 
 
 def test_the_truth_is_recovered_by_each(found):

@@ -126,9 +126,10 @@ class Posterior(AbstractObjective):
 
 
 class Near(NamedTuple):
-    """What standard errors are made of: the `hessian`, shape `(q, q)`; for each evidence the gradient of each block's
-    cost, shape `(b, q)`, and each block's mean square in noise levels, shape `(b,)`."""
+    """What standard errors are made of: the `cost`; its `hessian`, shape `(q, q)`; for each evidence the gradient of
+    each block's cost, shape `(b, q)`, and each block's mean square in noise levels, shape `(b,)`."""
 
+    cost: Float[Array, ""]
     hessian: Float[Array, "q q"]
     gradients: tuple[Float[Array, "b q"], ...]
     powers: tuple[Float[Array, " b"], ...]
@@ -144,7 +145,7 @@ def near_of(posterior: Posterior, vector: Float[Array, " q"]) -> Near:
         scale = posterior.loss.weight(power) * weight
         gradients.append((jnp.sum(columns * e[None], axis=2) * scale[None]).T)
         powers.append(power)
-    return Near(total.hessian, tuple(gradients), tuple(powers))
+    return Near(total.cost, total.hessian, tuple(gradients), tuple(powers))
 
 
 curvature_and_gradients = eqx.filter_jit(near_of)

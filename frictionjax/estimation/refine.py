@@ -24,16 +24,17 @@ from frictionjax.estimation.posterior import Posterior
 AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
 LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
 NEXT = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
-_STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
-_ROUNDS = 12
-_STILL = 0.5  # of the cost, a log-likelihood: less is no news
-_SHORT = 1.0  # standard deviations of a coordinate, were all others known: so short a round was the last,
-_ALIKE = np.log(1.2)  # if the likeliest noise also stays within this factor
+STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
+ROUNDS = 12
+STILL = 0.5  # of the cost, a log-likelihood: less is no news
+SHORT = 1.0  # standard deviations of a coordinate, were all others known: so short a round was the last,
+ALIKE = np.log(1.2)  # if the likeliest noise also stays within this factor
 # A recording that asks for so many times the least unmeasured force may have a wrong model.
 _APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is not worth a thought
 _LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
 LONG = 6.0  # times the units of the solver: so near the bottom next to no damping is needed
 CLOSE = 0.05  # of a unit: steps converge quadratically here, and the last one leaves far less
+_WORSE = 3  # rounds that cost more than the one before, until it is given up
 _FAR = 60  # steps through a valley that bends, where no noise has to be found on the way
 _SHORTER = 4.0  # times shorter units, and so sixteen times the damping, after a round whose steps all fail
 
@@ -100,31 +101,33 @@ def refine(
             ratios = _of_friction(present, np.full(NEXT.size, part))
             present, _ = _descended(_weighed(present, ratios, substeps, known))
         again = _to_the_bottom(present, NEXT, substeps, known)
-        if again.cost < found.cost - _STILL:
+        if again.cost < found.cost - STILL:
             return again
     return found
 
 
 def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: int, known) -> Refined:
     """Noise and parameters in turn, until neither moves; `parts` of Coulomb friction are the first candidates."""
-    last, converged, retried = np.inf, False, False
-    for number in range(_ROUNDS):
+    last, worse, retried, converged = np.inf, 0, False, False
+    best, least = present, np.inf
+    for number in range(ROUNDS):
         around = _around(present) if number > 0 or parts is NEXT else _of_friction(present, parts)
         moved, cost = _descended(_weighed(present, around, substeps, known))
-        gained = last - cost
-        at_rest = _at_rest(present, moved)
-        if bool(jnp.all(moved.vector == present.vector)) and not retried and number < _ROUNDS - 1:
+        if bool(jnp.all(moved.vector == present.vector)) and not retried and number < ROUNDS - 1:
             # Every step failed: at the bottom, or where the valley bends too much for next to no damping.
             last, retried = min(last, cost), True
             shorter = None if moved.unit is None else moved.unit / _SHORTER
             present = _Present(moved.posterior, moved.vector, moved.noise, shorter)
             continue
-        if cost < last:
-            present, last, retried = moved, cost, False
-        if gained < _STILL or at_rest:
-            converged = True
+        if cost < least:
+            best, least, retried = moved, cost, False
+        converged = abs(last - cost) < STILL or _at_rest(present, moved)
+        # Other weights may cost a round what the next ones win back.
+        worse += cost > last
+        if converged or worse > _WORSE:
             break
-    return Refined(present.posterior, present.vector, present.noise, float(last), converged)
+        present, last = moved, cost
+    return Refined(best.posterior, best.vector, best.noise, float(least), converged)
 
 
 def _at_rest(before: _Present, after: _Present) -> bool:
@@ -132,11 +135,11 @@ def _at_rest(before: _Present, after: _Present) -> bool:
     if after.unit is None or (after.noise is not None and before.noise is None):
         return False
     far = np.abs(np.asarray(after.vector - before.vector)) * STRIDE * LONG / np.asarray(after.unit)
-    if np.max(far) > _SHORT:
+    if np.max(far) > SHORT:
         return False
     if before.noise is None or after.noise is None:
         return True
-    return bool(np.all(np.abs(np.log(after.noise.best) - np.log(before.noise.best)) < _ALIKE))
+    return bool(np.all(np.abs(np.log(after.noise.best) - np.log(before.noise.best)) < ALIKE))
 
 
 def _around(present: _Present) -> Float[np.ndarray, "r k"] | None:
@@ -185,7 +188,7 @@ def _descended(present: _Present) -> tuple[_Present, float]:
     posterior, unit = present.posterior, present.unit
     if unit is None:
         unit = LONG * equal_curvature(posterior, present.vector)
-    end = levenberg_marquardt(posterior, present.vector, unit, _STEPS, tolerance=CLOSE)
+    end = levenberg_marquardt(posterior, present.vector, unit, STEPS, tolerance=CLOSE)
     total = float(end.cost) + float(posterior.log_deviation)
     vector = posterior.within(end.vector)
     return _Present(posterior.reaching(vector), vector, present.noise, LONG * end.unit), total

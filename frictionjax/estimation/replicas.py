@@ -1,38 +1,37 @@
 """`fit_many`: one model fitted to many data sets of one shape at once: Monte Carlo studies and the bootstrap.
 
-The way of `fit`, with the number of rounds fixed beforehand, so that all data sets take the same steps side by side.
+The way of `fit`, on every core at once (`side_by_side.py`).
 """
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.constraints import resolve
-from frictionjax.estimation.evidence import Observed, filtered, observed, scored_from_the_start
-from frictionjax.estimation.least_squares import STRIDE, equal_curvature, levenberg_marquardt
-from frictionjax.estimation.loss import Cauchy, Gaussian
-from frictionjax.estimation.parameters import pack, part_of
-from frictionjax.estimation.posterior import Posterior, near_of
+from frictionjax.estimation.evidence import Observed, observed
+from frictionjax.estimation.loss import Gaussian
+from frictionjax.estimation.parameters import pack
+from frictionjax.estimation.posterior import Posterior
 from frictionjax.estimation.problem import FAST_BANDWIDTH, weak_prior
-from frictionjax.estimation.refine import AT_FIRST, CLOSE, LIKELY, LONG, NEXT
 from frictionjax.estimation.result import CLUSTER, honest_covariance, inverse_of
 from frictionjax.estimation.scales import plant_scales
+from frictionjax.estimation.side_by_side import Found, Sets, follow
 from frictionjax.estimation.start import starting_values
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
-_QUANTILE = 0.8  # of the block powers: the knee of the robust loss, before it is at the noise
-_STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
-_ROUNDS = (AT_FIRST, LIKELY, *(NEXT,) * 5)  # candidates for the noise, round by round
 _FAR = 8.0  # robust standard deviations of the costs of all sets
-_LANES = 4  # data sets side by side on one core: enough to fill its vector units
+# One data set at a time fills the vector units of a core with its tangents; four at once were a fifth slower each, as
+# they no longer fit its nearest cache (three-regime experiment).
+_LANES = 1
 
 
 class Replicas(eqx.Module):
@@ -64,123 +63,6 @@ class Replicas(eqx.Module):
         return self.values[:, place], self.stderr[:, place]
 
 
-class _Sets(eqx.Module):
-    """What differs from data set to data set; shapes `(d, ...)`."""
-
-    u: Float[Array | np.ndarray, "d r n"]
-    x: Float[Array | np.ndarray, "d r n"]
-    noise: Float[Array | np.ndarray, "d r"]
-    x0: Float[Array | np.ndarray, "d r"]
-    v0: Float[Array | np.ndarray, "d r"]
-    vector: Float[Array | np.ndarray, "d q"]
-    other: Float[Array | np.ndarray, "d q"]
-
-
-def _batch_of(posterior: Posterior) -> Batch:
-    """The recordings of `posterior`, its only evidence."""
-    (seen,) = posterior.evidence
-    if not isinstance(seen, Observed):
-        raise TypeError("Many fits at once are for positions.")
-    return seen.batch
-
-
-def _with(posterior: Posterior, one: _Sets) -> Posterior:
-    """The `posterior` with the numbers of one data set."""
-    batch = eqx.tree_at(
-        lambda b: (b.u, b.x, b.noise, b.x0, b.v0),
-        _batch_of(posterior),
-        (one.u, one.x, one.noise, one.x0, one.v0),
-    )
-    return eqx.tree_at(lambda p: (p.evidence[0].batch, p.start), posterior, (batch, one.vector))
-
-
-def _powers(posterior: Posterior, vector):
-    """Mean square of each block in noise levels; large where a run is not finite."""
-    e = posterior.errors(vector, 0)
-    power = jnp.sum(e * e, axis=1) / jnp.maximum(posterior.evidence[0].count, 1.0)
-    return jnp.where(jnp.isfinite(power), power, 1e12)
-
-
-def _better(posterior: Posterior, vector, other):
-    """The start, of two, with the lower robust cost."""
-    cost, rival = (
-        jnp.sum(posterior.evidence[0].count * jnp.log1p(_powers(posterior, v))) for v in (vector, other)
-    )
-    return jnp.where(cost <= rival, vector, other)
-
-
-def _settled(posterior: Posterior, vector):
-    seen = posterior.evidence[0]
-    unit = equal_curvature(posterior, vector)
-    power = jnp.where(seen.count > 0, _powers(posterior, vector), jnp.nan)
-    for knee in (jnp.maximum(jnp.nanquantile(power, _QUANTILE), 1.0), jnp.ones(()), jnp.ones(())):
-        there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(knee))
-        vector = posterior.within(levenberg_marquardt(there, vector, unit, _STEPS).vector)
-    return vector
-
-
-def _refined(posterior: Posterior, vector, substeps: int, settled: bool):
-    """The bottom of the valley, what its noise is, and how far the last round moved."""
-    batch = scored_from_the_start(_batch_of(posterior))
-    known = jnp.zeros(batch.x.shape[0], dtype=bool)
-
-    # The rounds stand one after the other: in a loop of their own, the loops inside would copy what they carry.
-    unit = best = None
-    for parts in _ROUNDS if settled else _ROUNDS[1:]:
-        drive, z0 = posterior.drive_of(vector), posterior.deflections_of(vector, 0)
-        if best is None or parts is not NEXT:
-            best = drive.friction.Fc / batch.noise
-        ratio = best[:, None] * parts[None]
-        positions, noise = filtered(drive, z0, batch, ratio, known, substeps)
-        best = noise.best
-        posterior = eqx.tree_at(lambda p: p.evidence, posterior, (positions,))
-        if unit is None:
-            unit = LONG * equal_curvature(posterior, vector)
-        end = levenberg_marquardt(posterior, vector, unit, _STEPS, tolerance=CLOSE)
-        far = jnp.max(jnp.abs(end.vector - vector) / end.unit) * STRIDE
-        vector, unit = posterior.within(end.vector), LONG * end.unit
-    return posterior, vector, noise, end.cost + posterior.log_deviation, far
-
-
-def _one(posterior: Posterior, one: _Sets, substeps: int, settle: bool):
-    """All that is kept of one data set."""
-    posterior, vector = _with(posterior, one), jnp.asarray(one.vector)
-    if settle:
-        vector = _settled(posterior, _better(posterior, vector, one.other))
-        posterior = eqx.tree_at(lambda p: p.start, posterior, vector)
-    posterior, vector, noise, cost, moved = _refined(posterior, vector, substeps, settle)
-    near = near_of(posterior, vector)
-    blocks = near.gradients[0].reshape(one.x.shape[0], -1, vector.shape[0])
-    blocks = jnp.pad(blocks, ((0, 0), (0, -blocks.shape[1] % CLUSTER), (0, 0)))
-    sums = blocks.reshape(-1, CLUSTER, vector.shape[0]).sum(1)
-
-    def values(point):
-        drive = posterior.drive_of(point)
-        return jnp.stack([part_of(drive, free.path) for free in posterior.constraints.layout])
-
-    return values(vector), jax.jacfwd(values)(vector), near.hessian, sums.T @ sums, noise, cost, moved
-
-
-@eqx.filter_jit
-def _in_turn(posterior: Posterior, sets: _Sets, substeps: int, settle: bool):
-    """All `sets`, a few at a time."""
-    return jax.lax.map(lambda one: _one(posterior, one, substeps, settle), sets, batch_size=_LANES)
-
-
-def _on_all(posterior: Posterior, sets: _Sets, substeps: int, settle: bool, devices: tuple):
-    """`_in_turn` on every device, for its share of the sets: a thread for each feeds it."""
-    share = sets.x.shape[0] // len(devices)
-
-    def run(number: int):
-        some = jax.tree.map(lambda leaf: leaf[number * share : (number + 1) * share], sets)
-        there = jax.device_put((posterior, some), devices[number])
-        return jax.block_until_ready(_in_turn(there[0], there[1], substeps, settle))
-
-    with ThreadPoolExecutor(len(devices)) as threads:
-        parts = list(threads.map(run, range(len(devices))))
-    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves]), *parts)
-
-
 def fit_many(
     drive: Drive | Sequence[Drive],
     sets: Sequence[Sequence[Recording]],
@@ -193,13 +75,12 @@ def fit_many(
     substeps: int = 2,
     settle: bool = True,
     own_starts: bool = True,
-    piece: int = 128,
     progress: Progress = silent,
 ) -> Replicas:
     """Fit `drive` to each of `sets`: the estimator of `fit`, many at once, on every core.
 
     All sets have the same number of recordings, with the same lengths and sample rates: they share one compiled
-    program. The rounds are as many for each; `Replicas.moved` says whether they were enough.
+    program. `Replicas.moved` says whether the rounds were enough.
 
     **Arguments:**
 
@@ -209,8 +90,7 @@ def fit_many(
     - `settle`: go down a robust cost first; False for starts that are near, as in a bootstrap.
     - `own_starts`: what `starting_values` reads off the first set is a second start for all, taken where it looks
         better.
-    - `piece`: so many sets are handed to the devices at a time.
-    - `progress`: called as pieces are done.
+    - `progress`: called as fits are done.
 
     **Returns:**
 
@@ -248,8 +128,7 @@ def fit_many(
     weight = jnp.ones(evidence.count.shape[0])
     prior = weak_prior(constraints.layout, rows)
     posterior = Posterior(constraints, template, vectors[0], prior, (evidence,), (weight,), Gaussian())
-    devices = tuple(jax.local_devices(backend=jax.default_backend()))
-    whole = _Sets(
+    whole = Sets(
         *(
             np.stack([np.asarray(getattr(b, name)) for b in batches])
             for name in ("u", "x", "noise", "x0", "v0")
@@ -257,10 +136,9 @@ def fit_many(
         vector=np.stack([np.asarray(v) for v in vectors]),
         other=_others(vectors, constraints.layout, template, sets[0] if own_starts and settle else ()),
     )
-    piece = -(-min(piece, count) // len(devices)) * len(devices)
 
-    def run(sets: _Sets):
-        return _in_pieces(posterior, sets, int(substeps), bool(settle), devices, piece, progress)
+    def run(sets: Sets) -> Found:
+        return _on_all(posterior, sets, int(substeps), bool(settle), progress)
 
     found = run(whole)
     for retry in ("vector", "other"):
@@ -271,29 +149,47 @@ def fit_many(
         one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
         start = getattr(one, retry)
         again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
-        better = ~(found[5][places] <= again[5])
+        better = ~(found.cost[places] <= again.cost)
         for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
             kept[places[better]] = new[better]
     return _replicas(found, posterior, batches[0])
 
 
-def _in_pieces(posterior: Posterior, sets: _Sets, substeps: int, settle: bool, devices, piece: int, progress):
-    """All that is kept of all `sets`, as numpy arrays."""
-    count, found = sets.x.shape[0], []
-    for first in range(0, count, piece):
-        # The last piece is filled up with its last set, so that all pieces share one compiled program.
-        taken = np.minimum(np.arange(first, first + piece), count - 1)
-        some = jax.tree.map(lambda leaf, taken=taken: leaf[taken], sets)
-        kept = min(piece, count - first)
-        parts = _on_all(posterior, some, substeps, settle, devices)
-        found.append(jax.tree.map(lambda leaf, kept=kept: leaf[:kept], parts))
-        progress("fits", min(first + piece, count) / count)
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+def _on_all(posterior: Posterior, sets: Sets, substeps: int, settle: bool, progress: Progress) -> Found:
+    """`follow` for all `sets`, one after the other on each device: a thread for each feeds it."""
+    devices = jax.local_devices()
+    # A GPU takes all of its share at once.
+    lanes = _LANES if devices[0].platform == "cpu" else -(-sets.x.shape[0] // len(devices))
+    count, done = sets.x.shape[0], 0
+    idle: SimpleQueue = SimpleQueue()
+    for device in devices:
+        idle.put(device)
+
+    def run(first: int) -> Found:
+        # The last sets are filled up with the very last, so that all share one compiled program.
+        taken = np.minimum(np.arange(first, first + lanes), count - 1)
+        some = jax.tree.map(lambda leaf: leaf[taken], sets)
+        device = idle.get()
+        try:
+            with jax.default_device(device):
+                there = jax.device_put((posterior, some), device)
+                found = follow(*there, substeps=substeps, settle=settle)
+        finally:
+            idle.put(device)
+        return jax.tree.map(lambda leaf: leaf[: count - first], found)
+
+    parts = []
+    with ThreadPoolExecutor(len(devices)) as threads:
+        for part in threads.map(run, range(0, count, lanes)):
+            parts.append(part)
+            done += part.cost.size
+            progress("fits", done / count)
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
-def _doubtful(found) -> Int[np.ndarray, " k"]:
+def _doubtful(found: Found) -> Int[np.ndarray, " k"]:
     """Places of the sets whose fit may be in a wrong valley: its likelihood is far below that of the others."""
-    cost = np.where(np.isfinite(found[5]), found[5], np.inf)
+    cost = np.where(np.isfinite(found.cost), found.cost, np.inf)
     middle = float(np.median(cost))
     spread = 1.4826 * float(np.median(np.abs(cost - middle))) if np.isfinite(middle) else 0.0
     return np.flatnonzero(~(cost <= middle + _FAR * (spread + 1.0)))
@@ -321,18 +217,18 @@ def _check(batches: list[Batch]) -> None:
             )
 
 
-def _replicas(found, posterior: Posterior, batch: Batch) -> Replicas:
-    values, slopes, hessians, meats, noise, cost, moved = found
+def _replicas(found: Found, posterior: Posterior, batch: Batch) -> Replicas:
+    values, slopes, cost = found.values, found.slopes, found.cost
     count, layout = values.shape[0], posterior.constraints.layout
     blocks = np.asarray(batch.block_count).reshape(batch.x.shape[0], -1)
     clusters = int(sum(-(-np.count_nonzero(row) // CLUSTER) for row in blocks))
     white = np.full(values.shape, np.nan)
     honest = np.full(values.shape, np.nan)
     for i in range(count):
-        if np.all(np.isfinite(hessians[i])) and np.all(np.isfinite(meats[i])):
-            inverse = inverse_of(hessians[i])
+        if np.all(np.isfinite(found.hessian[i])) and np.all(np.isfinite(found.meat[i])):
+            inverse = inverse_of(found.hessian[i])
             white[i] = np.sqrt(np.diag(slopes[i] @ inverse @ slopes[i].T))
-            covariance = honest_covariance(inverse, meats[i], clusters, slopes[i])
+            covariance = honest_covariance(inverse, found.meat[i], clusters, slopes[i])
             honest[i] = np.sqrt(np.diag(covariance))
     usable: Bool[np.ndarray, " d"] = np.all(np.isfinite(values), axis=1)
     return Replicas(
@@ -340,8 +236,8 @@ def _replicas(found, posterior: Posterior, batch: Batch) -> Replicas:
         values,
         honest,
         white,
-        noise.position,
-        noise.push,
+        np.asarray(found.noise.position),
+        np.asarray(found.noise.push),
         np.where(usable, cost, np.nan),
-        moved,
+        found.moved,
     )

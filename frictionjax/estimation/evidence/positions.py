@@ -192,7 +192,9 @@ def filtered_on_all(
         own = (z0, batch, ratio, known)
         some = jax.tree.map(lambda leaf: np.asarray(leaf)[share], own)
         z, part, ratios, given = jax.device_put(some, device)
-        return jax.block_until_ready(filtered(jax.device_put(drive, device), z, part, ratios, given, substeps))
+        return jax.block_until_ready(
+            filtered(jax.device_put(drive, device), z, part, ratios, given, substeps)
+        )
 
     with ThreadPoolExecutor(len(shares)) as threads:
         parts = list(threads.map(run, shares, devices))
