@@ -2,55 +2,100 @@
 
     python benchmarks/emps.py CASE.toml
 
-Structure: the effects that the diagnosis' half-and-half cross-validation of the training file keeps (time-invariant,
-static friction above Coulomb friction); parameters by `fit` from two starts. Both files start in motion: position and
-speed at the start are read off the first 10 ms of each file, by `fit` and here alike.
+Structure: effects of the catalogue are added one at a time, each time the one that lowers most the error 0.1 s ahead on
+the other half of the training file, until none lowers it by a hundredth; parameters by `fit`. Effects that only differ
+from static friction in presliding or with time are left out: seven reversals hold next to nothing on them. Both files
+start in motion, at 6 mm/s: position and speed at the start are read off the first 10 ms of each, by `fit` and here.
+
+The error 0.1 s ahead is told twice: from the states of a causal observer of 50 Hz, and, as those who published numbers
+did it, from position and velocity behind a zero-phase filter of 60 Hz, which looks ahead.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.signal import butter, filtfilt
 
 import frictionjax as fj
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start import starting_values
 from frictionjax.physics import catalogue
-from frictionjax.simulation import observer_gains, predict_ahead
+from frictionjax.simulation import observer_gains, predict_ahead, residual_force
 
-SKIP, HORIZON, STRIDE, BANDWIDTH = 20, 0.1, 0.05, 50.0
+SKIP, HORIZON, STRIDE, BANDWIDTH, SMOOTHING = 20, 0.1, 0.05, 50.0, 60.0
+FORMS = (
+    "ConstantLoad",
+    "ViscousAsymmetry",
+    "DirectionAsymmetry",
+    "PositionDependence",
+    "ReturnSpring",
+    "Ripple",
+)
+WORTH = 0.99  # of the error on the other half: an effect that leaves more is not kept
 
 
-def _forms() -> dict[str, type]:
-    return {form.__name__: form for forms in catalogue().values() for form in forms}
+def rms(values) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values)))))
 
 
-def scores(drive, recording) -> tuple[float, float]:
-    """Free-run and 0.1 s-ahead rms errors in mm, without the first 20 samples; causal observer of 50 Hz."""
-    rate = recording.sample_rate
+def _start(drive, recording):
     batch = make_batch((recording,))
     x0, v0 = float(batch.x0[0]), float(batch.v0[0])
-    z0 = float(np.sign(v0)) * float(drive.level(jnp.asarray(x0), jnp.asarray(v0)) / drive.friction.sigma0)
-    free = np.asarray(fj.simulate(drive, recording.u, rate, x0=x0, v0=v0, z0=z0, substeps=2).x)
-    gains = observer_gains(BANDWIDTH, 1.0 / rate)
-    ahead = predict_ahead(
+    return (
+        x0,
+        v0,
+        float(np.sign(v0)) * float(drive.level(jnp.asarray(x0), jnp.asarray(v0)) / drive.friction.sigma0),
+    )
+
+
+def free_run(drive, recording) -> float:
+    """RMS error of the free run in mm, without the first 20 samples."""
+    x0, v0, z0 = _start(drive, recording)
+    x = fj.simulate(drive, recording.u, recording.sample_rate, x0=x0, v0=v0, z0=z0, substeps=2).x
+    return 1e3 * rms((np.asarray(x) - recording.x)[SKIP:])
+
+
+def ahead(drive, recording) -> float:
+    """RMS error at exactly 0.1 s in mm, from a causal observer, restarted every 50 ms."""
+    dt = 1.0 / recording.sample_rate
+    horizon, stride = round(HORIZON / dt), round(STRIDE / dt)
+    force = drive.applied_force(jnp.asarray(recording.u), jnp.asarray(dt))
+    x = predict_ahead(
         drive,
-        drive.applied_force(jnp.asarray(recording.u), jnp.asarray(1.0 / rate)),
+        force,
         recording.x,
-        1.0 / rate,
-        gains,
-        (x0, v0, z0),
-        horizon=round(HORIZON * rate),
-        stride=round(STRIDE * rate),
+        dt,
+        observer_gains(BANDWIDTH, dt),
+        _start(drive, recording),
+        horizon=horizon,
+        stride=stride,
         substeps=2,
     )
-    # At exactly 0.1 s: the first sample of each run that is told.
-    told = slice(round(HORIZON * rate), None, round(STRIDE * rate))
-    error = 1e3 * (free - recording.x)[SKIP:], 1e3 * (np.asarray(ahead) - recording.x)[told]
-    return float(np.sqrt(np.mean(error[0] ** 2))), float(np.sqrt(np.mean(error[1] ** 2)))
+    told = slice(horizon, None, stride)
+    return 1e3 * rms((np.asarray(x) - recording.x)[told])
+
+
+def ahead_of_smoothed(drive, recording) -> float:
+    """The same from zero-phase filtered position and velocity, and the bristle of steady sliding."""
+    dt = 1.0 / recording.sample_rate
+    horizon, stride = round(HORIZON / dt), round(STRIDE / dt)
+    x = filtfilt(*butter(2, SMOOTHING, fs=recording.sample_rate), recording.x)
+    v = np.gradient(x, dt)
+    begin = np.arange(SKIP, x.size - horizon, stride)
+    u = jnp.asarray(np.stack([recording.u[k : k + horizon + 1] for k in begin]))
+
+    def one(u, x0, v0):
+        z0 = jnp.sign(v0) * drive.level(x0, v0) / drive.friction.sigma0
+        return fj.simulate(drive, u, recording.sample_rate, x0=x0, v0=v0, z0=z0, substeps=2).x[-1]
+
+    reached = jax.vmap(one)(u, jnp.asarray(x[begin]), jnp.asarray(v[begin]))
+    return 1e3 * rms(np.asarray(reached) - recording.x[begin + horizon])
 
 
 def half(recording, first: bool):
@@ -62,43 +107,88 @@ def half(recording, first: bool):
     )
 
 
+def wavelength(drive, recording) -> float:
+    """Where the residual force repeats most along the stroke, in both directions, below a tenth of the stroke."""
+    dt = 1.0 / recording.sample_rate
+    force = drive.applied_force(jnp.asarray(recording.u), jnp.asarray(dt))
+    left = np.asarray(
+        residual_force(drive, force, recording.x, jnp.asarray(dt), BANDWIDTH, _start(drive, recording))
+    )
+    moving = np.abs(np.gradient(recording.x, dt)) > 0.01
+    x, left = recording.x[moving], left[moving] - np.mean(left[moving])
+    waves = np.geomspace(0.1 * np.ptp(x), 0.002 * np.ptp(x), 4000)
+    power = [np.abs(np.exp(-2j * np.pi * x / wave) @ left) for wave in waves]
+    return float(waves[int(np.argmax(power))])
+
+
+def additions(drive, recording) -> dict[str, object]:
+    """Effects that may be added to `drive`, at zero strength."""
+    batch = make_batch((recording,))
+    scales, forms = plant_scales(drive, batch), {f.__name__: f for fs in catalogue().values() for f in fs}
+    own = {
+        "PositionDependence": {"center": scales["center"], "half_stroke": 0.5 * scales["stroke"]},
+        "Ripple": {"period": wavelength(drive, recording)},
+    }
+    inside = {type(effect).__name__ for effect in drive.effects}
+    return {name: forms[name](**own.get(name, {})) for name in FORMS if name not in inside}
+
+
+def crossed(drive, recording, step: float) -> float:
+    """Error 0.1 s ahead on each half of a model fitted to the other, root mean square."""
+    errors = []
+    for first in (True, False):
+        result = fj.fit(drive, [half(recording, first)], encoder_step=step, own_starts=False)
+        errors.append(ahead(result.drive, half(recording, not first)))
+    return rms(errors)
+
+
 def main() -> int:
-    """Fit the structures, rank them by cross-validation inside the training file, judge the best on the other."""
+    """Choose a structure on the training file, fit it there from two starts, judge it on the other file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("case", type=Path)
     fj.configure_jax()
     case = fj.load_case(parser.parse_args().case)
     (train,), (test,) = case.fit_recordings, case.holdout_recordings
+    step = case.plant.encoder_step
     start = starting_values((train,), motor_constant=case.plant.motor_constant or 1.0).drives[0]
-    forms, scales = _forms(), plant_scales(start, make_batch((train,)))
-    stroke = {"center": scales["center"], "half_stroke": 0.5 * scales["stroke"]}
-    steps = [
-        ("nothing", ()),
-        ("load", (forms["ConstantLoad"](),)),
-        ("load, viscous asymmetry", (forms["ConstantLoad"](), forms["ViscousAsymmetry"]())),
-        (
-            "load, viscous asymmetry, position",
-            (forms["ConstantLoad"](), forms["ViscousAsymmetry"](), forms["PositionDependence"](**stroke)),
-        ),
-    ]
-    found = []
-    for name, effects in steps:
-        drive = start.with_effects(*effects)
-        valid = []
-        for first in (True, False):
-            result = fj.fit(drive, [half(train, first)], encoder_step=case.plant.encoder_step)
-            valid.append(scores(result.drive, half(train, not first))[1])
-        result = fj.fit(drive, [train], encoder_step=case.plant.encoder_step)
-        found.append((float(np.sqrt(np.mean(np.square(valid)))), name, result))
-        sys.stdout.write(
-            f"{name}: 0.1 s ahead on the other half {found[-1][0]:.4f} mm; J {result.drive.J:.3f} kg; "
-            f"train {scores(result.drive, train)}; {result.message}\n"
-        )
+
+    def tell(line: str) -> None:
+        sys.stdout.write(line + "\n")
         sys.stdout.flush()
-    _, name, result = min(found, key=lambda one: one[0])
-    free, ahead = scores(result.drive, test)
-    sys.stdout.write(
-        f"chosen on the training file: {name}\npulses: free run {free:.2f} mm, 0.1 s ahead {ahead:.4f} mm\n"
+
+    result = fj.fit(start, [train], encoder_step=step)
+    least, told = crossed(result.drive, train, step), ["nothing"]
+    tell(f"base model: other half {least:.4f} mm")
+    while True:
+        found = {}
+        for name, effect in additions(result.drive, train).items():
+            found[name] = crossed(result.drive.with_effects(*result.drive.effects, effect), train, step)
+            tell(f"  with {name}: {found[name]:.4f} mm")
+        name = min(found, key=found.__getitem__, default=None)
+        if name is None or found[name] > WORTH * least:
+            break
+        least, effect = found[name], additions(result.drive, train)[name]
+        result = fj.fit(
+            result.drive.with_effects(*result.drive.effects, effect),
+            [train],
+            encoder_step=step,
+            own_starts=False,
+        )
+        told.append(name)
+        tell(
+            f"{', '.join(told[1:])}: other half {least:.4f} mm; J {result.drive.J:.2f} kg; training file: free run "
+            f"{free_run(result.drive, train):.2f} mm, 0.1 s ahead {ahead(result.drive, train):.4f} mm, from smoothed "
+            f"states {ahead_of_smoothed(result.drive, train):.4f} mm"
+        )
+    again = fj.fit(start.with_effects(*result.drive.effects), [train], encoder_step=step)
+    tell(f"another start: cost {again.cost - result.cost:+.2f} against the first\n")
+    best = min((result, again), key=lambda one: one.cost)
+    for name in best.names:
+        estimate = best.parameters[name]
+        tell(f"{name}: {estimate.value:.6g} +- {estimate.stderr:.2g}")
+    tell(
+        f"pulses file: free run {free_run(best.drive, test):.2f} mm, 0.1 s ahead {ahead(best.drive, test):.4f} mm, "
+        f"from smoothed states {ahead_of_smoothed(best.drive, test):.4f} mm"
     )
     return 0
 

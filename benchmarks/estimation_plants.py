@@ -1,5 +1,7 @@
 """Own starting values on random plants, and closed loops: `python -m benchmarks estimation_plants`."""
 
+import sys
+
 import jax
 import numpy as np
 
@@ -13,6 +15,7 @@ def plants(small: bool) -> list[dict]:
     count, rng = (2 if small else 50), np.random.default_rng(3)
     hits, worst = [], []
     for number in range(count):
+        sys.stderr.write(f"plant {number + 1}\n")
         theta = np.array(ARM) * 3.0 ** rng.uniform(-1, 1, 7)
         theta[5] = theta[4] * rng.uniform(1.1, 1.8)
         theta[2] = 2.0 * rng.uniform(0.1, 0.8) * np.sqrt(theta[1] * theta[0])

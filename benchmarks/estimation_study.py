@@ -4,6 +4,7 @@
 force; starts up to 30 % off.
 """
 
+import sys
 import time
 
 import jax
@@ -35,6 +36,7 @@ def measure(*, small: bool = False) -> list[dict]:
         rng = np.random.default_rng(1)
         starts = [drive_of(apart(truth * 1.3 ** rng.uniform(-1, 1, 7))) for _ in range(draws)]
         start = time.perf_counter()
+        sys.stderr.write(f"noise {noise:g} rad, push {push:g}, {'closed' if closed else 'open'} loop\n")
         found = fit_many(starts, sets, encoder_step=1e-15)
         seconds = time.perf_counter() - start
         least = truth * bound(ARM, [r.u for r in sets[0]], noise)

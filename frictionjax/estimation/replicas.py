@@ -21,6 +21,7 @@ from frictionjax.estimation.loss import Gaussian
 from frictionjax.estimation.parameters import pack
 from frictionjax.estimation.posterior import Posterior
 from frictionjax.estimation.problem import FAST_BANDWIDTH, weak_prior
+from frictionjax.estimation.refine import SHORT
 from frictionjax.estimation.result import CLUSTER, honest_covariance, inverse_of
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.side_by_side import Found, Sets, follow
@@ -28,7 +29,7 @@ from frictionjax.estimation.start import starting_values
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
-_FAR = 8.0  # robust standard deviations of the costs of all sets
+_FAR = 6.0  # robust standard deviations of all sets
 # One data set at a time fills the vector units of a core with its tangents; four at once were a fifth slower each, as
 # they no longer fit its nearest cache (three-regime experiment).
 _LANES = 1
@@ -89,7 +90,8 @@ def fit_many(
     - `free`, `fixed`, `ties`, `priors`, `encoder_step`, `substeps`: as in `fit`.
     - `settle`: go down a robust cost first; False for starts that are near, as in a bootstrap.
     - `own_starts`: what `starting_values` reads off the first set is a second start for all, taken where it looks
-        better.
+        better; and sets whose end is unlike that of the others are tried from each start, and from where the others
+        ended. The likelihood decides.
     - `progress`: called as fits are done.
 
     **Returns:**
@@ -141,17 +143,21 @@ def fit_many(
         return _on_all(posterior, sets, int(substeps), bool(settle), progress)
 
     found = run(whole)
-    for retry in ("vector", "other"):
-        places = _doubtful(found)
-        if not (settle and own_starts and places.size):
-            break
-        # A start that looked better may lead into a wrong valley: those sets are tried from each of the two.
-        one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
-        start = getattr(one, retry)
-        again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
-        better = ~(found.cost[places] <= again.cost)
-        for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
-            kept[places[better]] = new[better]
+    if settle and own_starts:
+        # A start that looked better may lead into a wrong valley: such sets are tried from each of the two, and from
+        # where the others ended.
+        for retry in ("vector", "other", None):
+            places = _doubtful(found)
+            if not places.size:
+                break
+            one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
+            start = (
+                getattr(one, retry) if retry else np.tile(np.median(found.vector, axis=0), (places.size, 1))
+            )
+            again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
+            better = ~(found.cost[places] <= again.cost)
+            for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
+                kept[places[better]] = new[better]
     return _replicas(found, posterior, batches[0])
 
 
@@ -187,12 +193,21 @@ def _on_all(posterior: Posterior, sets: Sets, substeps: int, settle: bool, progr
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
+def _outside(values: Float[np.ndarray, " d"]) -> Bool[np.ndarray, " d"]:
+    """Which of `values` are far from most, or not finite."""
+    finite = np.isfinite(values)
+    if not np.any(finite):
+        return ~finite
+    middle = np.median(values[finite])
+    spread = 1.4826 * np.median(np.abs(values[finite] - middle))
+    return ~(np.abs(values - middle) <= _FAR * spread + 1e-12 * np.abs(middle))
+
+
 def _doubtful(found: Found) -> Int[np.ndarray, " k"]:
-    """Places of the sets whose fit may be in a wrong valley: its likelihood is far below that of the others."""
-    cost = np.where(np.isfinite(found.cost), found.cost, np.inf)
-    middle = float(np.median(cost))
-    spread = 1.4826 * float(np.median(np.abs(cost - middle))) if np.isfinite(middle) else 0.0
-    return np.flatnonzero(~(cost <= middle + _FAR * (spread + 1.0)))
+    """Places of the sets whose fit may be in a wrong valley: its cost, or a parameter, is far from those of the others,
+    or it still moved. To be tried again costs a set nothing but time."""
+    unlike = [_outside(found.cost), *(_outside(column) for column in found.values.T), ~(found.moved < SHORT)]
+    return np.flatnonzero(np.any(unlike, axis=0))
 
 
 def _others(vectors, layout, template: Drive, first: Sequence[Recording]) -> Float[np.ndarray, "d q"]:

@@ -48,10 +48,11 @@ class Sets(eqx.Module):
 class Found(eqx.Module):
     """Where the fits of `d` data sets ended.
 
-    **Attributes:** `values` of the p parameters; their `slopes` by the vector, `hessian` of the cost and `meat` (sum of
-    the squared gradients of clusters); `noise`; `cost`; `moved`: as in `Replicas`.
+    **Attributes:** `vector`: free coordinates; `values` of the p parameters, their `slopes` by the vector; `hessian`
+    of the cost and `meat`, the sum of the squared gradients of clusters; `noise`; `cost`; `moved`: as in `Replicas`.
     """
 
+    vector: Float[np.ndarray, "d q"]
     values: Float[np.ndarray, "d p"]
     slopes: Float[np.ndarray, "d p q"]
     hessian: Float[np.ndarray, "d q q"]
@@ -213,4 +214,4 @@ def follow(posterior: Posterior, sets: Sets, *, substeps: int, settle: bool) -> 
     ratios = noise.best[:, :, None] * jnp.asarray(NEXT)[None, None]
     told = _told(posterior, sets, starts, vectors, ratios, substeps)
     values, slopes, hessian, meat, noise, cost = jax.tree.map(np.asarray, told)
-    return Found(values, slopes, hessian, meat, noise, cost, moved)
+    return Found(np.asarray(vectors), values, slopes, hessian, meat, noise, cost, moved)

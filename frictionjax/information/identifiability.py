@@ -19,7 +19,7 @@ from frictionjax.estimation import FitResult
 from frictionjax.estimation.parameters import Free, pack
 from frictionjax.estimation.problem import weak_prior
 from frictionjax.information.fisher import Information, inverse_information, scaled_to_ones
-from frictionjax.information.null_directions import _CURES, _OTHER, NullSearch, _words
+from frictionjax.information.null_directions import CURES, OTHER, NullSearch, words_of
 from frictionjax.information.planned import MOTOR, layout_of, part_of, scale_of, values_of
 from frictionjax.physics import Drive
 
@@ -136,10 +136,10 @@ def _of_fit(result: FitResult) -> Identifiability:
 def _ended(names: Sequence[str]) -> tuple[NullDirection, ...]:
     """The parameters `names`, which ended at an end of their range, by their common cure."""
     found = []
-    for cure in dict.fromkeys(_CURES.get(name, _OTHER) for name in names):
-        some = [name for name in names if _CURES.get(name, _OTHER) == cure]
+    for cure in dict.fromkeys(CURES.get(name, OTHER) for name in names):
+        some = [name for name in names if CURES.get(name, OTHER) == cure]
         sentence = (
-            f"{_words(some)} ended at an end of the admissible range, which gives the value, not the data. "
+            f"{words_of(some)} ended at an end of the admissible range, which gives the value, not the data. "
             f"Widen the `bounds` if they are yours, or add {cure}."
         )
         found += [NullDirection({name: 1.0}, sentence) for name in some]
@@ -150,7 +150,7 @@ def _endless(names: Sequence[str]) -> tuple[NullDirection, ...]:
     """The parameters `names`, to which the fit gave no finite variance."""
     if not names:
         return ()
-    sentence = f"{_words(names)} got no finite variance in this fit. Fit again from other starting values."
+    sentence = f"{words_of(names)} got no finite variance in this fit. Fit again from other starting values."
     return tuple(NullDirection({name: 1.0}, sentence) for name in names)
 
 

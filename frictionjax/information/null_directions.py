@@ -18,15 +18,16 @@ _SLOW = "slow moves through break-away, such as a ramp of the force to twice the
 _SMALL = "noise or slow loops below break-away"
 _SLIDING = "sliding moves at several velocities"
 _FAST = "noise or moves that accelerate more"
-_CURES = {"J": _FAST, "sigma0": _SMALL, "sigma1": _SMALL, "sigma2": _SLIDING}
-_CURES |= {"Fc": _SLOW, "Fs": _SLOW, "vs": _SLOW, MOTOR.name: "a known load or a known mass"}
+CURES = {"J": _FAST, "sigma0": _SMALL, "sigma1": _SMALL, "sigma2": _SLIDING}
+CURES |= {"Fc": _SLOW, "Fs": _SLOW, "vs": _SLOW, MOTOR.name: "a known load or a known mass"}
+"""Label of a parameter -> what to add to the data for it; `OTHER` for those not listed."""
 _REASONS = {
     _SLOW: "the motion does not go through break-away",
     _SMALL: "presliding does not show",
     _SLIDING: "nothing slides for long",
     _FAST: "inertia forces do not show",
 }
-_OTHER = "an experiment that excites it above the noise"
+OTHER = "an experiment that excites it above the noise"
 _BALANCE = 0.1  # of sigma1 against sigma2: what their sum may change by when it is the sum that is held
 _PART = 0.05  # of its largest component: smaller ones are left out of the words on a direction
 _ROUNDING = 1e-13  # of a quadratic form, over the sum of its terms' sizes
@@ -88,7 +89,7 @@ class NullSearch:
             and self.matrix[place, place] >= 1.0
         ):
             others = [n for n, part in zip(names, scale, strict=True) if part and n != MOTOR.name]
-            told = f"{_words(others)} and the motor constant are held only as ratios"
+            told = f"{words_of(others)} and the motor constant are held only as ratios"
             cure = "Add a known load or a known mass, or give the motor constant."
             unit = np.eye(len(names))
             # A constant that is known fixes the size of all forces, however badly some of them are known.
@@ -125,9 +126,9 @@ class NullSearch:
     def single_parameters(self) -> None:
         """Parameters that would not be held were all others known, by their common cure."""
         alone = [i for i in self.left() if self.alone[i]]
-        for cure in dict.fromkeys(_CURES.get(self.names[i], _OTHER) for i in alone):
-            some = [i for i in alone if _CURES.get(self.names[i], _OTHER) == cure]
-            which = _words([self.names[i] for i in some])
+        for cure in dict.fromkeys(CURES.get(self.names[i], OTHER) for i in alone):
+            some = [i for i in alone if CURES.get(self.names[i], OTHER) == cure]
+            which = words_of([self.names[i] for i in some])
             why = _REASONS.get(cure, "the positions do not change with it")
             for i in some:
                 self.take(
@@ -162,13 +163,13 @@ class NullSearch:
     def _together(self, direction: np.ndarray) -> str:
         direction = direction / direction[np.argmax(np.abs(direction))]
         parts = [(n, w) for n, w in zip(self.names, direction, strict=True) if abs(w) > _PART]
-        cures = dict.fromkeys(_CURES.get(name, _OTHER) for name, _ in parts)
-        which = _words([name for name, _ in parts])
+        cures = dict.fromkeys(CURES.get(name, OTHER) for name, _ in parts)
+        which = words_of([name for name, _ in parts])
         if len(parts) == 1:
             return f"{which} is not held: other parameters make up for it. Add {', and '.join(cures)}."
         ups = [name for name, weight in parts if weight > 0.0]
         downs = [name for name, weight in parts if weight < 0.0]
-        change = f"{_words(ups)} up" + (f" with {_words(downs)} down" if downs else " together")
+        change = f"{words_of(ups)} up" + (f" with {words_of(downs)} down" if downs else " together")
         return f"{which} are held only together: {change} changes less than the noise. Add {', and '.join(cures)}."
 
     def rest(self) -> None:
@@ -177,7 +178,7 @@ class NullSearch:
         for i in np.flatnonzero((np.diag(covariance) >= 1.0) | self.alone):
             name = self.names[i]
             if not any(re.search(rf"(?<!\w){re.escape(name)}(?!\w)", one) for one in self._told()):
-                cure = _CURES.get(name, _OTHER)
+                cure = CURES.get(name, OTHER)
                 self.take(covariance[:, i], f"{name} is not held while others are unknown. Add {cure}.")
 
     def _told(self) -> list[str]:
@@ -188,5 +189,5 @@ def _are(some: Sequence) -> str:
     return "are" if len(some) > 1 else "is"
 
 
-def _words(names: Sequence[str]) -> str:
+def words_of(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
