@@ -162,14 +162,14 @@ def main() -> int:
     while True:
         found = {}
         for name, effect in additions(result.drive, train).items():
-            found[name] = crossed(result.drive.with_effects(*result.drive.effects, effect), train, step)
+            found[name] = crossed(result.drive.with_effects(effect), train, step)
             tell(f"  with {name}: {found[name]:.4f} mm")
         name = min(found, key=found.__getitem__, default=None)
         if name is None or found[name] > WORTH * least:
             break
         least, effect = found[name], additions(result.drive, train)[name]
         result = fj.fit(
-            result.drive.with_effects(*result.drive.effects, effect),
+            result.drive.with_effects(effect),
             [train],
             encoder_step=step,
             own_starts=False,
