@@ -180,8 +180,8 @@ def filtered_on_all(
     """`filtered`, with the recordings spread over all devices: a thread for each feeds it. Arguments and results as
     there.
 
-    One program over all devices (`shard_map`) would be the usual way. On CPU it runs in threads in which denormal
-    numbers are not flushed to zero, and the vanishing covariances of a filter made it sixty times slower.
+    One program over all devices (`shard_map`) would be the usual way. On CPU it took sixty times longer than one device
+    alone, for a reason that was not found (benchmarks/README.md).
     """
     rows, devices = batch.x.shape[0], jax.local_devices()
     if rows < 2 or len(devices) < 2:
