@@ -177,11 +177,18 @@ def filtered_on_all(
     known: Bool[Array, " r"],
     substeps: int,
 ) -> tuple[Positions, Noise]:
-    """`filtered`, with the recordings spread over all devices: a thread for each feeds it. Arguments and results as
-    there.
+    """`filtered`, with the recordings spread over all devices: a thread for each feeds it.
 
     One program over all devices (`shard_map`) would be the usual way. On CPU it took sixty times longer than one device
     alone, for a reason that was not found (benchmarks/README.md).
+
+    **Arguments:**
+
+    - `drive`, `z0`, `batch`, `ratio`, `known`, `substeps`: as in `filtered`.
+
+    **Returns:**
+
+    The `Positions` and their `Noise`.
     """
     rows, devices = batch.x.shape[0], jax.local_devices()
     if rows < 2 or len(devices) < 2:
