@@ -157,26 +157,26 @@ def main() -> int:
         sys.stdout.flush()
 
     result = fj.fit(start, [train], encoder_step=step)
-    least, told = crossed(result.drive, train, step), ["nothing"]
+    least, told = crossed(result.drive, train, step), []
     tell(f"base model: other half {least:.4f} mm")
     while True:
-        found = {}
-        for name, effect in additions(result.drive, train).items():
+        found, effects = {}, additions(result.drive, train)
+        for name, effect in effects.items():
             found[name] = crossed(result.drive.with_effects(effect), train, step)
             tell(f"  with {name}: {found[name]:.4f} mm")
         name = min(found, key=found.__getitem__, default=None)
         if name is None or found[name] > WORTH * least:
             break
-        least, effect = found[name], additions(result.drive, train)[name]
+        least = found[name]
         result = fj.fit(
-            result.drive.with_effects(effect),
+            result.drive.with_effects(effects[name]),
             [train],
             encoder_step=step,
             own_starts=False,
         )
         told.append(name)
         tell(
-            f"{', '.join(told[1:])}: other half {least:.4f} mm; J {result.drive.J:.2f} kg; training file: free run "
+            f"{', '.join(told)}: other half {least:.4f} mm; J {result.drive.J:.2f} kg; training file: free run "
             f"{free_run(result.drive, train):.2f} mm, 0.1 s ahead {ahead(result.drive, train):.4f} mm, from smoothed "
             f"states {ahead_of_smoothed(result.drive, train):.4f} mm"
         )

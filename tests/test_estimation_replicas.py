@@ -8,6 +8,9 @@ from helpers_fit import FINE, NOISE, PUSH, TRUTH, experiment, fit_near, other_st
 
 from frictionjax.core import InputError
 from frictionjax.estimation import fit_many
+from frictionjax.estimation.evidence import Noise
+from frictionjax.estimation.replicas import _doubtful, _keep_better
+from frictionjax.estimation.side_by_side import Found
 
 SETS = 8
 LABELS = list(TRUTH)
@@ -48,6 +51,35 @@ def test_it_is_the_same_estimator_as_fit(found, sets):
     np.testing.assert_allclose(found.stderr[0], stderr, rtol=0.1)
     value, error = found.of("Fc")
     assert value[0] == found.values[0, LABELS.index("Fc")] and error[0] == found.stderr[0, LABELS.index("Fc")]
+
+
+def ends(costs, values, moved=0.0):
+    """Ends of fits with these costs, and these values of their only parameter."""
+    d = len(costs)
+    values, square = np.array(values, dtype=float)[:, None], np.ones((d, 1, 1))
+    noise = Noise(np.ones((d, 1)), np.ones((d, 1)), np.ones((d, 1)))
+    moved = np.broadcast_to(np.asarray(moved, dtype=float), d).copy()
+    return Found(values.copy(), values, square, square.copy(), square.copy(), noise, np.array(costs), moved)
+
+
+def test_a_set_unlike_the_others_is_doubted():
+    costs, values = np.linspace(-101.0, -99.0, 9), np.linspace(0.99, 1.01, 9)
+    assert _doubtful(ends(costs, values)).size == 0
+    for spoil in ({"costs": -50.0}, {"costs": np.nan}, {"values": 1.5}, {"values": np.nan}, {"moved": 3.0}):
+        numbers = {"costs": costs.copy(), "values": values.copy(), "moved": np.zeros(9)}
+        for name, value in spoil.items():
+            numbers[name][4] = value
+        assert _doubtful(ends(**numbers)).tolist() == [4], spoil
+
+
+def test_of_two_ends_the_likelier_one_is_kept():
+    """Whatever a fit that is made again comes to: a lost one replaces none, and any one replaces a lost one."""
+    found, places = ends([-1.0, -2.0, -3.0, np.nan], [1.0, 2.0, 3.0, 4.0]), np.array([0, 1, 3])
+    _keep_better(found, ends([-0.5, -9.0, -7.0], [10.0, 20.0, 40.0]), places)
+    assert found.values[:, 0].tolist() == [1.0, 20.0, 3.0, 40.0]
+    assert found.cost.tolist() == [-1.0, -9.0, -3.0, -7.0]
+    _keep_better(found, ends([np.nan], [99.0]), np.array([2]))
+    assert found.values[2, 0] == 3.0
 
 
 def test_sets_of_two_shapes_are_refused(sets):

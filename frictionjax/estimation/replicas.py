@@ -151,13 +151,15 @@ def fit_many(
             if not places.size:
                 break
             one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
-            start = (
-                getattr(one, retry) if retry else np.tile(np.median(found.vector, axis=0), (places.size, 1))
-            )
+            if retry:
+                start = getattr(one, retry)
+            else:
+                ended = found.vector[np.all(np.isfinite(found.vector), axis=1)]
+                if not ended.size:
+                    break
+                start = np.tile(np.median(ended, axis=0), (places.size, 1))
             again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
-            better = ~(found.cost[places] <= again.cost)
-            for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
-                kept[places[better]] = new[better]
+            _keep_better(found, again, places)
     return _replicas(found, posterior, batches[0])
 
 
@@ -208,6 +210,13 @@ def _doubtful(found: Found) -> Int[np.ndarray, " k"]:
     or it still moved. To be tried again costs a set nothing but time."""
     unlike = [_outside(found.cost), *(_outside(column) for column in found.values.T), ~(found.moved < SHORT)]
     return np.flatnonzero(np.any(unlike, axis=0))
+
+
+def _keep_better(found: Found, again: Found, places: Int[np.ndarray, " k"]) -> None:
+    """Put fits made `again` into their `places` among those `found`, where they are likelier."""
+    better = (again.cost < found.cost[places]) | ~np.isfinite(found.cost[places])
+    for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
+        kept[places[better]] = new[better]
 
 
 def _others(vectors, layout, template: Drive, first: Sequence[Recording]) -> Float[np.ndarray, "d q"]:

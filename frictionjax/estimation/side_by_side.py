@@ -196,22 +196,23 @@ def follow(posterior: Posterior, sets: Sets, *, substeps: int, settle: bool) -> 
         vectors, units, knees = _begin(posterior, sets)
         for round_knees in (knees, *(jnp.ones_like(knees),) * _AT_THE_NOISE):
             vectors = _settled(posterior, sets, vectors, units, round_knees)
-    starts, units, best = vectors, None, _levels(posterior, sets, vectors, vectors)
+    starts, units, about = vectors, None, _levels(posterior, sets, vectors, vectors)
     last = moved = np.full(vectors.shape[0], np.inf)
     for parts in ((AT_FIRST,) if settle else ()) + (LIKELY, *(NEXT,) * ROUNDS):
-        about = best if parts is NEXT else _levels(posterior, sets, starts, vectors)
+        if parts is LIKELY:
+            about = _levels(posterior, sets, starts, vectors)
         ratios = about[:, :, None] * jnp.asarray(parts)[None, None]
         if units is None:
             units = _units(posterior, sets, starts, vectors, ratios, substeps)
         vectors, units, noise, far, cost = _round(posterior, sets, starts, vectors, units, ratios, substeps)
         moved, gained, last = np.asarray(far), last - np.asarray(cost), np.asarray(cost)
-        same = np.all(np.abs(np.log(np.asarray(noise.best) / np.asarray(best))) < ALIKE, axis=1)
-        best = noise.best
+        same = np.all(np.abs(np.log(np.asarray(noise.best) / np.asarray(about))) < ALIKE, axis=1)
+        about = noise.best
         # A fit that was lost stays lost.
         done = (moved < SHORT) & (same | (np.abs(gained) < STILL)) | ~np.isfinite(moved)
         if parts is NEXT and np.all(done):
             break
-    ratios = noise.best[:, :, None] * jnp.asarray(NEXT)[None, None]
+    ratios = about[:, :, None] * jnp.asarray(NEXT)[None, None]
     told = _told(posterior, sets, starts, vectors, ratios, substeps)
     values, slopes, hessian, meat, noise, cost = jax.tree.map(np.asarray, told)
     return Found(np.asarray(vectors), values, slopes, hessian, meat, noise, cost, moved)
