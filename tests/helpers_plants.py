@@ -26,11 +26,30 @@ NUISANCES = {
     "PositionDependence": {"center": 1e-4, "half_stroke": 1e-3},
     "Ripple": {"period": 4e-4},
     "MaxwellSlip": {"spread": 1.5},
+    "TorqueRipple": {"period": 4e-4},
+    "EncoderError": {"period": 4e-4},
+    "DwellStrengthening": {"length": 1.5e-5},
+    "WarmupByHeat": {"distance": 0.1},
+    "HardSaturation": {"largest": 3.75},
+    "Backlash": {"gap": 1e-4},
 }
 """Values for a plant of the size of Table I."""
 
 FORMS = {form.__name__: form for forms in catalogue().values() for form in forms}
 """Every form of every effect, by the name of its class."""
+
+SMALL = {
+    "Delay": 1e-5,
+    "DriveLag": 1e-5,
+    "FrictionLag": 1e-3,
+    "SensorLag": 1e-4,
+    "EncoderError": 1e-7,
+    "MainsPickup": 1e-7,
+    "ReturnSpring": 30.0,
+    "QuadraticDrag": 1e3,
+    "CubicDrag": 1e5,
+}
+"""A small value of the strengths of a form, for scale, on a plant of the size of Table I; 0.01 for those left out."""
 
 STRENGTHS = [(name, parameter.name) for name, form in FORMS.items() for parameter in form.strengths]
 """Every strength of every form."""

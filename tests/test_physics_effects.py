@@ -8,21 +8,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_plants import FORMS, NUISANCES, TABLE_I, effect
+from helpers_plants import FORMS, NUISANCES, SMALL, TABLE_I, effect
 
 from frictionjax.physics import catalogue
 from frictionjax.physics.effects import (
     AbstractEffect,
     AbstractForceEffect,
     AbstractInputEffect,
+    AbstractLoadEffect,
+    AbstractSensorEffect,
     AbstractSpringEffect,
 )
 from frictionjax.simulation import simulate
 
 NAMES = [
-    *("constant_load", "creep", "delay", "direction_asymmetry", "drive_lag", "maxwell_slip"),
-    *("nonlinear_bristle", "position_dependence", "return_spring", "ripple", "stribeck_shape"),
+    *("backlash", "constant_load", "creep", "delay", "direction_asymmetry", "drive_deadzone", "drive_lag"),
+    *("drive_saturation", "dwell_strengthening", "elasto_plastic", "encoder_error", "flexible_transmission"),
+    *("friction_lag", "gravity_pendulum", "load_dependence", "mains_pickup", "maxwell_slip", "micro_damping"),
+    *("nonlinear_bristle", "position_dependence", "quadratic_drag", "return_spring", "ripple", "sensor_lag"),
+    *("stribeck_shape", "torque_ripple", "viscoelastic_damping", "warmup"),
 ]
+NEEDS = {"sliding", "presliding", "rest", "both directions", "clock", "angle"}
 
 
 def test_the_catalogue_finds_every_effect():
@@ -40,12 +46,17 @@ def test_every_form_says_what_it_is(name):
         about = form.about
         assert about.sentence and about.equation and about.shows
         assert bool(about.split_by) or not about.confused_with
-        assert name not in about.confused_with
+        assert set(about.confused_with) <= set(NAMES) - {name}
+        assert set(about.needs) <= NEEDS
         told = [parameter.name for parameter in form.strengths + form.nuisances]
         assert told == [field.name for field in dataclasses.fields(form)]
         for parameter in form.strengths + form.nuisances:
             assert parameter.unit and parameter.meaning
             assert parameter.lower < parameter.upper
+        for parameter in form.nuisances:
+            assert parameter.grid
+            if parameter.grid != "period" and parameter.scale == 1.0:
+                assert all(parameter.lower <= value <= parameter.upper for value in parameter.grid)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -64,6 +75,7 @@ def test_arguments_of_the_constructors_become_arrays():
 
 FC, FS, VS, S0, S2 = 1.0, 1.5, 1e-3, 1e5, 0.4
 H = jnp.asarray(1e-4)
+PUSH = 0.4
 
 
 def _level(v):
@@ -77,6 +89,21 @@ def _polynomial(x, linear, quadratic):
 
 def _wave(x, sine, cosine, period=4e-4):
     return sine * np.sin(2 * np.pi * x / period) + cosine * np.cos(2 * np.pi * x / period)
+
+
+def _steady(level=1.0, more=0.0):
+    """Force that opposes steady sliding: the level times `level`, the viscous force, and `more` force."""
+
+    def force(x, v):
+        factor, rest = (part(x, v) if callable(part) else part for part in (level, more))
+        return np.sign(v) * _level(v) * factor + S2 * v + rest
+
+    return force
+
+
+def _aged(growth, rise):
+    """Of an age that sliding holds at 15 um over the speed."""
+    return lambda x, v: np.sign(v) * growth * FC * rise(1.5e-5 / abs(v)) * np.exp(-((v / VS) ** 2))
 
 
 SLIDING = {
@@ -109,14 +136,47 @@ SLIDING = {
         {"exponent_change": -1.0},
         lambda x, v: np.sign(v) * (FC + (FS - FC) * np.exp(-abs(v) / VS)) + S2 * v,
     ),
+    "LorentzianStribeck": (
+        {"blend": 1.0},
+        lambda x, v: np.sign(v) * (FC + (FS - FC) / (1.0 + (v / VS) ** 2)) + S2 * v,
+    ),
+    "LogarithmicCreep": ({"compliance": 0.1}, _steady()),
+    "ElastoPlastic": ({"plasticity": 0.7}, _steady()),
+    "SharpYield": ({"exponent_change": 2.0}, _steady()),
+    "MicroDamping": ({"fall": 0.8}, _steady()),
+    "ViscoelasticDamping": ({"stiffness": 0.1}, _steady()),
+    "FrictionLag": ({"lag": 0.01}, _steady()),
+    "GravityPendulum": (
+        {"sine": 0.3, "cosine": 0.2},
+        _steady(more=lambda x, v: 0.3 * np.sin(x) + 0.2 * np.cos(x)),
+    ),
+    "QuadraticDrag": ({"drag": 7.0}, _steady(more=lambda x, v: 7.0 * np.sign(v) * v**2)),
+    "CubicDrag": ({"drag": 70.0}, _steady(more=lambda x, v: 70.0 * v**3)),
+    "LoadDependence": ({"growth": 0.2}, _steady(more=lambda x, v: 0.2 * PUSH * np.sign(v))),
+    "TorqueRipple": ({"sine": 0.1, "cosine": 0.2}, _steady(more=lambda x, v: -PUSH * _wave(x, 0.1, 0.2))),
+    "DwellStrengthening": (
+        {"growth": 0.05, "onset": 0.01},
+        _steady(more=_aged(0.05, lambda age: np.log(1.0 + age / 0.01))),
+    ),
+    "SaturatingStrengthening": (
+        {"growth": 0.2, "time": 0.01},
+        _steady(more=_aged(0.2, lambda age: 1.0 - np.exp(-age / 0.01))),
+    ),
+    "WarmupByTime": (
+        {"fall": 0.2, "viscous_fall": 0.3},
+        _steady(0.8, lambda x, v: -0.3 * S2 * v),
+    ),
+    "WarmupByHeat": (
+        {"fall": 0.2, "time_constant": 2.0},
+        _steady(lambda x, v: 1.0 / (1.0 + 0.2 * 20.0 * abs(v))),
+    ),
 }
-"""Strengths of each form, and the force that opposes steady sliding at x and v; the input effects have none."""
+"""Strengths of each form, and the force that opposes steady sliding at x and v under the motor force PUSH."""
 
 
 def test_the_table_of_closed_forms_is_complete():
-    others = {
-        name for name, form in FORMS.items() if issubclass(form, AbstractInputEffect | AbstractSpringEffect)
-    }
+    elsewhere = AbstractInputEffect | AbstractSensorEffect | AbstractLoadEffect | AbstractSpringEffect
+    others = {name for name, form in FORMS.items() if issubclass(form, elsewhere)}
     assert set(SLIDING) == set(FORMS) - others
 
 
@@ -127,8 +187,14 @@ def test_force_of_steady_sliding_is_the_closed_form(form):
     bristles = drive.bristles()
 
     def sliding(x, v):
-        z = jnp.sign(v) * drive.level(x, v) * bristles.slack / S0
-        return drive.friction_force(bristles, x, v, z, H)
+        hidden, level = jnp.zeros(drive.hidden_count), jnp.zeros(())
+        for _ in range(3):  # the level may rest on the states, and they on the level
+            now = drive.instant(x, v, PUSH, jnp.sign(v) * level, hidden)
+            source, rate = drive.relaxation(now)
+            hidden = source / rate
+            level = drive.level_at(drive.instant(x, v, PUSH, now.spring, hidden))
+        z = jnp.sign(v) * level * bristles.slack / S0
+        return drive.friction_force(bristles, x, v, z, H, hidden, PUSH)
 
     x, v = (grid.ravel() for grid in np.meshgrid([-6e-4, 0.0, 2.3e-4, 9e-4], [-0.05, -1e-3, 4e-4, 1e-3, 0.2]))
     force, rate = jax.jit(jax.vmap(sliding))(x, v)
@@ -193,22 +259,23 @@ def test_effects_of_one_slot_act_one_after_the_other():
     assert both == pytest.approx(alone[0] * alone[1] / float(TABLE_I.level(x, v)), rel=1e-13)
     loads = TABLE_I.with_effects(effect("ConstantLoad", load=0.2), effect("ReturnSpring", stiffness=50.0))
     expected = 0.4 * 0.01 + 0.2 + 50.0 * 1.3e-4
-    assert float(loads.parallel_force(x, v)) == pytest.approx(expected, rel=1e-13)
+    assert float(loads.parallel_force(loads.instant(x, v))) == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_effects_batch(form):
     """A batch of strengths in one effect gives what one effect for each strength gives."""
     first = FORMS[form].strengths[0].name
-    unit = {"Delay": 1e-4, "DriveLag": 1e-4, "ReturnSpring": 100.0}.get(form, 0.1)
-    strengths = unit * np.array([0.0, 0.5, 1.7])
-    u = jnp.sin(jnp.arange(7.0))
+    strengths = 10.0 * SMALL.get(form, 0.01) * np.array([0.0, 0.5, 1.7])
+    u = 4.0 * jnp.sin(jnp.arange(7.0))
 
     def act(made):
         drive = TABLE_I.with_effects(made)
         z = 8e-6 * jnp.ones(drive.bristle_count)
         x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
-        return drive.applied_force(u, dt), drive.friction_force(drive.bristles(), x, v, z, H)
+        hidden = 1e-3 * jnp.ones(drive.hidden_count)
+        friction = drive.friction_force(drive.bristles(), x, v, z, H, hidden, 0.3)
+        return drive.applied_force(u, dt), friction, drive.seen(x, v, dt), drive.load_side
 
     def make(value):
         return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))
@@ -227,10 +294,13 @@ def test_effects_batch(form):
 def test_force_effects_are_smooth_in_position(form):
     strengths = {parameter.name: 0.3 for parameter in FORMS[form].strengths}
     made = effect(form, **strengths)
-    x, v = jnp.asarray(1.1e-4), jnp.asarray(0.01)
-    slope = jax.grad(lambda at: made.force(TABLE_I.friction, at, v))(x)
-    step = 1e-8
-    difference = (made.force(TABLE_I.friction, x + step, v) - made.force(TABLE_I.friction, x - step, v)) / (
-        2 * step
-    )
+    drive = TABLE_I.with_effects(made)
+    hidden = 0.5 * jnp.ones(drive.hidden_count)
+
+    def force(x):
+        return made.force(TABLE_I.friction, drive.instant(x, jnp.asarray(0.01), 0.7, 0.2, hidden))
+
+    x, step = jnp.asarray(1.1e-4), 1e-8
+    slope = jax.grad(force)(x)
+    difference = (force(x + step) - force(x - step)) / (2 * step)
     assert float(slope) == pytest.approx(float(difference), rel=1e-6, abs=1e-9)

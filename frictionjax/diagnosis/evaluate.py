@@ -11,6 +11,7 @@ from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
     Gains,
+    innovation_gain,
     observe,
     observer_gains,
     residual_force,
@@ -25,38 +26,50 @@ _FORCE_BANDWIDTH = 25.0  # Hz
 
 class View(eqx.Module):
     """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`, and
-    the observer's `v` and `bend` (|z| over Fs/sigma0)."""
+    the observer's `v` and `bend` (|z| over Fs/sigma0), and its standardised innovations `e`."""
 
     free: np.ndarray
     ahead: np.ndarray
     force: np.ndarray
     v: np.ndarray
     bend: np.ndarray
+    e: np.ndarray
 
 
 @eqx.filter_jit
 def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
-    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, x_first):
+    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, x_first, before):
         force = drive.applied_force(u, dt)
         own = Gains(position_gain, velocity_gain)
-        start = (x0, v0, z0)
+        start = (x0, v0, z0, before)
         # The free run knows the first sample alone.
-        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2).x
+        run = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2, before=before)
+        free = jax.vmap(drive.seen)(run.x, run.v, run.t)
         seen = observe(drive, force, x, dt, own, start)
         ahead = run_ahead(drive, force, seen, dt, own, horizon=horizon, stride=stride)
         missing = residual_force(drive, force, x, dt, bandwidth, start)
-        return free, ahead, missing, seen.v, jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
+        bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
+        return free, ahead, missing, seen.v, bend, seen.innovation
 
     z0 = deflection * drive.friction.Fs / drive.friction.sigma0
     return jax.vmap(one)(
-        batch.u, batch.x, batch.dt, gains.position, gains.velocity, batch.x0, batch.v0, z0, first
+        batch.u,
+        batch.x,
+        batch.dt,
+        gains.position,
+        gains.velocity,
+        batch.x0,
+        batch.v0,
+        z0,
+        first,
+        batch.before,
     )
 
 
 def view(judgement: Judgement, scene: Scene) -> View:
     """See all recordings of the `scene` through the model of the `judgement`."""
     batch = scene.batch
-    gains = observer_gains(scene.bandwidth, batch.dt)
+    gains = observer_gains(jnp.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
     slowest = float(np.max(np.asarray(batch.dt)))
     horizon = max(round(_AHEAD / slowest), 1)
     parts = _view(
@@ -69,7 +82,9 @@ def view(judgement: Judgement, scene: Scene) -> View:
         horizon,
         max(horizon // 40, 1),
     )
-    return View(*(np.asarray(part) for part in parts))
+    *others, innovation = (np.asarray(part) for part in parts)
+    unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
+    return View(*others, innovation / unit * np.asarray(batch.valid))
 
 
 def _rmse(model: np.ndarray, measured: np.ndarray) -> float:

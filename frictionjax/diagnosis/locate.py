@@ -9,7 +9,8 @@ import itertools
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.judge import Judgement, Scene
+from frictionjax.diagnosis.evaluate import View
+from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.verdict import MismatchBin
 from frictionjax.physics import Drive
 from frictionjax.recordings import Plant
@@ -113,13 +114,13 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> dict[st
 
 
 def mismatch_map(
-    base: Judgement, extended: Judgement, axes: dict[str, dict[str, np.ndarray]], scene: Scene
+    base: View, extended: View, axes: dict[str, dict[str, np.ndarray]], scene: Scene
 ) -> tuple[MismatchBin, ...]:
     """The map over all recordings: `excess` is power over the floor, `share` the bin's part of the excess.
 
     **Arguments:**
 
-    - `base`, `extended`: the judgements.
+    - `base`, `extended`: the two models' views.
     - `axes`: from `axes_of`.
     - `scene`: the recordings.
     """
@@ -151,9 +152,7 @@ def _shares(axis: str, rows: list[tuple[str, float, float, int]]) -> list[Mismat
     ]
 
 
-def _frequency_rows(
-    base: Judgement, extended: Judgement, scene: Scene
-) -> list[tuple[str, float, float, int]]:
+def _frequency_rows(base: View, extended: View, scene: Scene) -> list[tuple[str, float, float, int]]:
     """Spectrum of the innovations over that of noise seen by the observer, |(1 - q)/(1 - p q)|^4, in bands."""
     edges = np.array([0.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, np.inf])
     sums = np.zeros((len(edges) - 1, 3))
@@ -170,8 +169,8 @@ def _frequency_rows(
         null = null + ground
         band = np.digitize(frequency, edges) - 1
         window = np.hanning(length) * np.sqrt(8.0 / 3.0)
-        for column, judgement in enumerate((base, extended)):
-            seen = window * np.nan_to_num(judgement.e[row, :length])
+        for column, view in enumerate((base, extended)):
+            seen = window * np.nan_to_num(view.e[row, :length])
             spectrum = np.abs(np.fft.rfft(seen)[1:]) ** 2 / length + ground
             sums[:, column] += np.bincount(band, spectrum, minlength=len(edges) - 1)
         sums[:, 2] += np.bincount(band, null, minlength=len(edges) - 1)

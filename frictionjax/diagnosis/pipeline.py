@@ -8,8 +8,9 @@ import numpy as np
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
+from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
-from frictionjax.diagnosis.judge import Judgement, Scene, explained, make_scene
+from frictionjax.diagnosis.judge import Scene, explained
 from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
 from frictionjax.diagnosis.select import (
     ADEQUATE_MISFIT,
@@ -23,8 +24,9 @@ from frictionjax.diagnosis.select import (
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained, Verdict
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.batch import least_samples, make_batch
-from frictionjax.estimation.observer_fit import ObserverFit, finish, observer_fit
+from frictionjax.estimation.joint import SLOW_BANDWIDTH
 from frictionjax.estimation.start import starting_values
+from frictionjax.physics import Drive
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case, Plant
 
@@ -91,46 +93,36 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
     )
     clock.stage("start")
-    base = observer_fit(
-        start.drives,
-        case.fit_recordings,
-        encoder_step=plant.encoder_step,
-        known_inertia=plant.inertia is not None,
-        units=units,
-        progress=lambda stage, fraction: progress(stage, 0.02 + 0.28 * fraction),
-    )
-    clock.stage("base fit")
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
-    scene = make_scene(
-        batch, np.array([r.role == "holdout" for r in recordings]), tuple(r.name for r in recordings)
-    )
-    steps = select(
-        base.problem,
-        base.vector,
-        scene,
+    held_out = np.array([r.role == "holdout" for r in recordings])
+    base = fit_base(
+        start.drives,
+        batch,
+        held_out,
         executor,
-        lambda stage, fraction: progress(stage, 0.3 + 0.55 * fraction),
+        lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
+        known_inertia=plant.inertia is not None,
     )
+    clock.stage("base fit")
+    steps = select(base, executor, lambda stage, fraction: progress(stage, 0.22 + 0.63 * fraction))
     clock.stage("naming")
-    if steps[0].vector is not base.vector:
-        base = finish(base.problem, steps[0].vector, True, units)
-    progress("judging on every recording", 0.86)
+    base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
-    first = steps[0].before
-    last = accepted[-1].judgement if accepted else first
-    views = list(executor.map(lambda judged: view(judged, scene), [first, last] if accepted else [first]))
+    last = accepted[-1].model if accepted else base
+    progress("judging on every recording", 0.86)
+    dt = float(np.max(np.asarray(batch.dt)))
+    scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
+    models = [base, last] if accepted else [base]
+    views = list(executor.map(lambda model: view(model.judgement, scene), models))
     base_view, extended_view = views[0], views[-1]
     progress("locating", 0.95)
-    bins = _map(first, last, base_view, base, plant, scene)
-    extended = (
-        finish(accepted[-1].problem, accepted[-1].vector, True, units).parameters
-        if accepted
-        else base.parameters
-    )
+    bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
+    base_parameters = parameters_of(base, units)
+    extended = parameters_of(last, units) if accepted else base_parameters
     missing = _missing(steps, extended, where_words(bins))
-    verdict, unexplained = _verdict(first, last, steps, bins)
-    fits = recording_fits(recordings, scene, base_view, extended_view, base.drive)
+    verdict, unexplained = _verdict(steps, bins)
+    fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -140,11 +132,11 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         missing=missing,
         unexplained=unexplained,
         mismatch=bins,
-        base=base.parameters,
+        base=base_parameters,
         extended=extended,
         recordings=fits,
         candidates=_candidates(steps, units),
-        warnings=_warnings(case, base, start.notes),
+        warnings=_warnings(case, base_parameters, message_of(base), start.notes),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
     )
 
@@ -166,29 +158,35 @@ class _Stages:
         return time.perf_counter() - self._start
 
 
-def _map(first: Judgement, last: Judgement, seen: View, base: ObserverFit, plant: Plant, scene: Scene):
+def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene):
     motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
-    return mismatch_map(first, last, axes_of(motion, base.drive, plant, scene), scene)
+    return mismatch_map(seen, extended, axes_of(motion, base, plant, scene), scene)
 
 
-def _verdict(first: Judgement, last: Judgement, steps: list[Step], bins) -> tuple[Verdict, Unexplained]:
+def _verdict(steps: list[Step], bins) -> tuple[Verdict, Unexplained]:
     """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
     explains enough of the whole; else `unknown`."""
-    if first.structure < ADEQUATE_MISFIT and not any(step.accepted for step in steps):
-        return "adequate", Unexplained(False, 0.0, "")
-    share_fit, share_holdout = explained(first, last)
-    left = float(np.clip(1.0 - min(share_fit, share_holdout), 0.0, 1.0))
-    remains = last.structure > 2.0 * ADEQUATE_MISFIT
+    accepted = [step for step in steps if step.accepted is not None]
+    first, floor = steps[0].before.judgement, steps[-1].floor
+    if not accepted:
+        if max(first.misfits(floor)) < ADEQUATE_MISFIT:
+            return "adequate", Unexplained(False, 0.0, "")
+        place = strongest(bins, "regime")
+        return "unknown", Unexplained(True, 1.0, place.bin if place else "")
+    last = accepted[-1].accepted
+    assert last is not None
+    shares = explained(first, last.model.judgement, floor)
+    left = float(np.clip(1.0 - min(shares), 0.0, 1.0))
+    remains = max(last.model.judgement.misfits(floor)) > 2.0 * ADEQUATE_MISFIT
     regime = max(
         (b for b in bins if b.axis == "regime"),
         key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0),
         default=None,
     )
     where = regime.bin if regime is not None and remains else ""
-    if steps and steps[0].accepted is not None and min(share_fit, share_holdout) > LEAST_SHARE:
+    if min(shares) > LEAST_SHARE:
         return "named", Unexplained(bool(remains), left, where)
-    place = strongest(bins, "regime")
-    return "unknown", Unexplained(True, left, where or (place.bin if place else ""))
+    return "unknown", Unexplained(True, left, where)
 
 
 def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tuple[MissingEffect, ...]:
@@ -197,17 +195,22 @@ def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tu
         found = step.accepted
         if found is None:
             continue
-        effect = found.trial.drive.effects[-1]
-        own = f"effects.{len(found.trial.drive.effects) - 1}."
-        named = {p.parameter.name: extended[p.label] for p in found.problem.layout if p.path.startswith(own)}
+        joint = found.model.joint
+        place = len(joint.setting.drive.effects) - 1
+        effect = joint.setting.drive.effects[-1]
+        own = f"effects.{place}."
+        named = {p.parameter.name: extended[p.label] for p in joint.layout if p.path.startswith(own)}
         members = (found.effect, *step.rivals)
+        compared = step.compared[step.refits.index(found)]
         missing.append(
             MissingEffect(
                 effect=found.effect,
                 effect_class=members,
                 # Not yet a calibrated probability: the smaller share explained, divided among the class.
-                confidence=round(float(np.clip(min(found.share_fit, found.share_holdout), 0.0, 0.99)), 3)
-                / len(members),
+                confidence=round(
+                    float(np.clip(min(compared.share_fit, compared.share_holdout), 0.0, 0.99)) / len(members),
+                    3,
+                ),
                 p_value=effect_p_values(step.trials)[found.effect],
                 parameters=named,
                 where=where,
@@ -233,12 +236,15 @@ def _candidates(steps: list[Step], units: dict[str, str]) -> tuple[Candidate, ..
             continue
         trial = max((t for t in step.trials if t.effect == name), key=lambda t: t.gain)
         p_value = effect_p_values(step.trials)[name]
-        refits = [r for r in step.refits if r.effect == name]
-        best = max(refits, key=lambda r: r.worth, default=None)
+        refits = [c for r, c in zip(step.refits, step.compared, strict=True) if r.effect == name]
+        best = max(refits, key=lambda c: c.worth, default=None)
         if named is not None:
             reason = "named"
         elif best is not None:
-            reason = acceptable(best, step.before, p_value)[1] or "another effect explains the same better"
+            reason = (
+                acceptable(best, step.before.judgement, step.floor, p_value)[1]
+                or "another effect explains the same better"
+            )
         else:
             reason = (
                 "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
@@ -265,14 +271,14 @@ def _unit(pattern: str, units: dict[str, str]) -> str:
     return pattern
 
 
-def _warnings(case: Case, base: ObserverFit, notes: tuple[str, ...]) -> tuple[str, ...]:
+def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:
     warnings = [f"{r.name}: {text}" for r in case.recordings for text in r.warnings]
     warnings += list(notes)
-    vague = [name for name, estimate in base.parameters.items() if not estimate.identified]
+    vague = [name for name, estimate in base.items() if not estimate.identified]
     if vague:
         warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
-    if not base.success or "range" in base.message:
-        warnings.append(f"Base fit: {base.message}")
+    if message:
+        warnings.append(f"Base fit: {message}")
     if case.plant.motor_constant is None:
         warnings.append("The motor constant is unknown: every force is per input unit.")
     return tuple(dict.fromkeys(warnings))

@@ -5,22 +5,21 @@ from concurrent.futures import Executor
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.judge import Judgement, Scene, advantage, explained, judge
-from frictionjax.diagnosis.name import Present, Trial, forms_to_try, try_effect
-from frictionjax.diagnosis.refit import Refitted, polish, refit, rejudged, short_list
+from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
+from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
+from frictionjax.diagnosis.name import Trial, forms_to_try, present_model, try_form
+from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit, short_list
 from frictionjax.diagnosis.wavelengths import wavelengths
-from frictionjax.estimation.least_squares import jacobian_of
-from frictionjax.estimation.observer_fit import descend
-from frictionjax.estimation.problem import FAST_BANDWIDTH, SLOW_BANDWIDTH, Problem
+from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.physics.effects import catalogue
+from frictionjax.physics.effects import AbstractLoadEffect, catalogue
 
 ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample, above an even floor, below which nothing significant is missing (2 % of the power)."""
-LEAST_GAIN = 0.002
+"""Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
+LEAST_GAIN = 0.0005
 """Drop of the misfit, per sample, below which a candidate is not worth a refit."""
 LEAST_SHARE = 0.45
 """Share of the misfit that an effect must explain, on fit and on held-out recordings, to be named."""
@@ -39,42 +38,42 @@ _ROUNDS = 3
 class Step(eqx.Module):
     """One round of the selection.
 
-    **Attributes:** `trials` (every test), `refits` (the short list), `accepted` (or None), `rivals` (names that the
-    recordings cannot tell from the accepted one), `before` (judgement of the model without it), `vector` (solution of
-    the model without it; better than the one the round began with when a refit led to a better one).
+    **Attributes:** `before` (model without the candidates; better than the one the round began with when a refit led to
+    a better one), `trials` (every test), `refits` (the short list, best first), `compared` (each of them against
+    `before`), `floor` (power of each block), `force` (unmeasured force over Coulomb friction), `accepted` (or None),
+    `rivals` (names that the recordings cannot tell from the accepted one).
     """
 
+    before: Model
     trials: list[Trial]
     refits: list[Refitted]
+    compared: list[Compared]
+    floor: np.ndarray
+    force: float
     accepted: Refitted | None
     rivals: tuple[str, ...] = eqx.field(static=True)
-    before: Judgement
-    vector: Float[Array, " q"]
 
 
-def present_model(problem: Problem, vector: Float[Array, " q"]) -> Present:
-    """The fitted model, seen by the fast observer, ready for tests."""
-    fast = problem.at_bandwidth(FAST_BANDWIDTH)
-    e, jacobian = jacobian_of(fast.layout, vector, fast.setting)
-    return Present(fast, vector, e, jacobian, fast.mismatch(vector))
-
-
-def try_catalogue(present: Present, scales: dict[str, float], executor: Executor) -> list[Trial]:
-    """Every form of every effect of the catalogue, except those in the model, at every point of its grid."""
-    batch = present.problem.setting.batch
+def try_catalogue(
+    model: Model, scales: dict[str, float], executor: Executor, without: frozenset[str]
+) -> list[Trial]:
+    """Every form of every effect of the catalogue, except those in the model and those `without`, at every point of its
+    grid."""
+    present = present_model(model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector)
+    batch = model.joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
-    e = np.nan_to_num(np.asarray(present.e))
+    e = np.nan_to_num(np.asarray(present.e)) * np.asarray(present.joint.fitted)[:, None]
     periods = {
         "odd_period": wavelengths(e, speed, batch, odd=True),
         "even_period": wavelengths(e, speed, batch, odd=False),
+        "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
     }
-    inside = {type(effect) for effect in present.problem.setting.drive.effects}
-    instances = [
-        instance
-        for forms in catalogue().values()
-        for instance in forms_to_try(tuple(f for f in forms if f not in inside), scales, periods)
-    ]
-    found = executor.map(lambda instance: try_effect(present, instance, scales), instances)
+    inside = model.joint.setting.drive.effects
+    forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
+    if any(isinstance(effect, AbstractLoadEffect) for effect in inside):
+        forms = [form for form in forms if not issubclass(form, AbstractLoadEffect)]
+    forms = [form for form in forms if form not in {type(effect) for effect in inside}]
+    found = executor.map(lambda form: try_form(present, forms_to_try(form, scales, periods), scales), forms)
     return [trial for trials in found for trial in trials]
 
 
@@ -86,111 +85,113 @@ def effect_p_values(trials: list[Trial]) -> dict[str, float]:
     return {name: min(1.0, min(values) * len(values)) for name, values in grouped.items()}
 
 
-def acceptable(candidate: Refitted, before: Judgement, p_value: float) -> tuple[bool, str]:
+def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: float) -> tuple[bool, str]:
     """Whether a refitted candidate may be named, and if not, why not.
 
     **Arguments:**
 
-    - `candidate`: the refit.
-    - `before`: the model without it.
+    - `found`: the candidate against the model without it.
+    - `before`: that model.
+    - `floor`: power of each block that a perfect model would leave.
     - `p_value`: of its score test.
     """
     if p_value > SIGNIFICANCE:
         return False, f"not significant (p = {p_value:.2g})"
-    if min(candidate.share_fit, candidate.share_holdout) > LEAST_SHARE:
+    if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
         return True, ""
-    far = before.misfit_fit > FAR_FROM_NOISE and before.misfit_holdout > FAR_FROM_NOISE
-    energy = min(candidate.energy_fit, candidate.energy_holdout)
-    if far and energy > LEAST_ENERGY and min(candidate.share_fit, candidate.share_holdout) > 0.0:
+    far = min(before.misfits(floor)) > FAR_FROM_NOISE
+    energy = min(found.energy_fit, found.energy_holdout)
+    if far and energy > LEAST_ENERGY and min(found.share_fit, found.share_holdout) > 0.0:
         return True, ""
-    shares = (
-        f"{100 * candidate.share_fit:.0f} % on the fit, {100 * candidate.share_holdout:.0f} % on the held-out"
-    )
+    shares = f"{100 * found.share_fit:.0f} % on the fit, {100 * found.share_holdout:.0f} % on the held-out"
     return False, f"explains too little ({shares} recordings)"
 
 
 def select(
-    problem: Problem,
-    vector: Float[Array, " q"],
-    scene: Scene,
-    executor: Executor,
-    progress: Progress,
+    model: Model, executor: Executor, progress: Progress, *, without: frozenset[str] = frozenset()
 ) -> list[Step]:
     """Add effects to the fitted base model while fit and held-out recordings agree on them.
 
     **Arguments:**
 
-    - `problem`, `vector`: the fitted base model.
-    - `scene`: all recordings.
+    - `model`: the fitted base model.
     - `executor`: runs tests and refits side by side.
     - `progress`: told as it goes.
+    - `without`: names of effects to leave out of the catalogue.
     """
-    before = judge(problem.drive(vector), scene)
-    scales = plant_scales(problem.drive(vector), problem.setting.batch)
+    scales = plant_scales(model.judgement.drive, model.joint.batch)
+    answer = answer_to_force(model.joint, model.fitted.vector)
     steps: list[Step] = []
     for number in range(_ROUNDS):
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
-        trials = try_catalogue(present_model(problem, vector), scales, executor)
-        far = before.structure > 2.0 * ADEQUATE_MISFIT
-        chosen = short_list(trials, most=4 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
-        if before.structure < ADEQUATE_MISFIT:
-            chosen = []
+        trials = try_catalogue(model, scales, executor, without)
+        far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
+        chosen = short_list(trials, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
-        refits = list(executor.map(lambda trial, now=before: refit(trial, now, scene), chosen))
-        better = _better_base(problem, vector, refits)
-        if better is not None:
-            # What looked like an effect was partly the fit of the model without it: the shares are told anew.
-            vector, before = better, judge(problem.drive(better), scene)
-            refits = [rejudged(r, before, scene) for r in refits]
-        p_values = effect_p_values(trials)
-        ranked = sorted(refits, key=lambda r: -r.worth)
-        accepted = next((r for r in ranked if acceptable(r, before, p_values[r.effect])[0]), None)
-        rivals: tuple[str, ...] = ()
-        if accepted is not None:
-            progress(f"converging {accepted.effect}", start + 0.8 * span)
-            accepted = polish(accepted, before, scene)
-            rivals = _inseparable(accepted, refits, before, p_values)
-        steps.append(Step(trials, refits, accepted, rivals, before, vector))
-        if accepted is None:
+        misfit = model.fitted.misfit
+        refits = list(executor.map(lambda trial, now=misfit: refit(trial, now), chosen))
+        model = _better_base(model, refits)
+        ones = np.ones((1, 1))
+        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, ones).worth)
+        refits[:2] = executor.map(polish, refits[:2])
+        step = weigh(model, trials, refits, answer)
+        steps.append(step)
+        if step.accepted is None:
             break
-        problem, vector, before = accepted.problem, accepted.vector, accepted.judgement
-        whole = explained(steps[0].before, before)
-        if before.structure < 2.0 * ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
+        model = step.accepted.model
+        whole = explained(steps[0].before.judgement, model.judgement, step.floor)
+        if max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
     return steps
 
 
-def _better_base(
-    problem: Problem, vector: Float[Array, " q"], refits: list[Refitted]
-) -> Float[Array, " q"] | None:
-    """A better solution of the model without the candidates, found from their solutions; None when there is none.
+def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:
+    """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
+    powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
+    force = min(force_noise(power, answer, model.joint) for power in powers)
+    floor = floor_of(force, answer)
+    compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
+    ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
+    p_values = effect_p_values(trials)
+
+    def may(r: Refitted) -> bool:
+        return acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
+
+    accepted = next((r for r in ranked if may(r)), None)
+    rivals: tuple[str, ...] = ()
+    if accepted is not None:
+        rows = np.ones(accepted.model.judgement.held_out.shape, bool)
+        rivals = tuple(
+            sorted(
+                {
+                    r.effect
+                    for r in ranked
+                    if r.effect != accepted.effect
+                    and may(r)
+                    and advantage(accepted.model.judgement, r.model.judgement, rows, floor) < _LEAD
+                }
+            )
+        )
+    return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _better_base(model: Model, refits: list[Refitted]) -> Model:
+    """A better solution of the model without the candidates, found from their solutions; the same when there is none.
 
     A model with something missing has several minima; a refit that left a bad one must not get the credit for it.
     """
-    slow = problem.at_bandwidth(SLOW_BANDWIDTH)
-    count, own = len(problem.layout), slow.mismatch(vector)
-    candidates = [jnp.concatenate([r.vector[:count], r.vector[len(r.problem.layout) :]]) for r in refits]
-    if not candidates:
-        return None
-    values = slow.misfits(*candidates)
-    index = int(np.argmin(values))
-    value = float(values[index])
-    if not value < own - max(1e-3, 0.02 * own):
-        return None
-    return descend(slow, candidates[index], graduate=False)[0]
-
-
-def _inseparable(
-    accepted: Refitted, refits: list[Refitted], before: Judgement, p_values: dict[str, float]
-) -> tuple[str, ...]:
-    """Other effects that would also be named and that the leader does not beat by a few standard errors."""
-    rows = np.ones(accepted.judgement.loss.shape[0], bool)
-    names = {
-        r.effect
+    slow = model.joint.at_bandwidth(SLOW_BANDWIDTH)
+    count, own = len(slow.layout), model.fitted.misfit
+    candidates = [
+        jnp.concatenate([r.model.fitted.vector[:count], r.model.fitted.vector[len(r.model.joint.layout) :]])
         for r in refits
-        if r.effect != accepted.effect
-        and acceptable(r, before, p_values[r.effect])[0]
-        and advantage(accepted.judgement, r.judgement, rows) < _LEAD
-    }
-    return tuple(sorted(names))
+    ]
+    if not candidates:
+        return model
+    values = slow.misfits(candidates)
+    index = int(np.argmin(values))
+    if not values[index] < own - max(1e-3, 0.02 * own):
+        return model
+    fitted = descend(slow, candidates[index], graduate=False)
+    return Model(slow, fitted, judge(slow, fitted))

@@ -10,7 +10,13 @@ _SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with 
 
 
 def wavelengths(
-    innovation: np.ndarray, speed: np.ndarray, batch: Batch, *, odd: bool, count: int = 3
+    innovation: np.ndarray,
+    speed: np.ndarray,
+    batch: Batch,
+    *,
+    odd: bool,
+    count: int = 3,
+    fine: bool = False,
 ) -> tuple[float, ...]:
     """Periods along the stroke at which the innovations repeat, strongest first, position units.
 
@@ -23,25 +29,30 @@ def wavelengths(
     - `batch`: the recordings.
     - `odd`: True for a force against the motion, False for one that does not care for its direction.
     - `count`: how many periods.
+    - `fine`: look for those of a sensor, which may be far shorter and show at any speed.
     """
     power = np.asarray(batch.block_mean(jnp.asarray(innovation**2)))
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
     top = max(float(np.quantile(np.abs(speed), 0.999)), 1e-300)
-    sliding = (np.abs(speed) > 0.02 * top) & (weight > 0)
+    least = 0.0 if fine else 0.02 * top
+    sliding = (np.abs(speed) >= least) & (weight > 0)
     if sliding.sum() < 1000:
         return ()
     x = np.asarray(batch.x)[sliding]
     value = (innovation * weight * (np.sign(speed) if odd else 1.0))[sliding]
     span = float(np.ptp(x))
-    bins = 4096
+    bins = 2**17 if fine else 4096
     place = np.minimum(((x - x.min()) / span * bins).astype(int), bins - 1)
     total = np.bincount(place, value - value.mean(), minlength=bins)
     occupied = np.bincount(place, minlength=bins)
     profile = np.where(occupied > 0, total / np.sqrt(np.maximum(occupied, 1)), 0.0)
-    spectrum = np.abs(np.fft.rfft(profile, 8 * bins))
-    cycles = np.arange(spectrum.size) / 8.0
+    finer = 2 if fine else 8
+    spectrum = np.abs(np.fft.rfft(profile, finer * bins))
+    cycles = np.arange(spectrum.size) / finer
     shortest = _SHORTEST_WAVE * top * float(np.min(np.asarray(batch.dt)))
-    spectrum[(cycles < 0.75) | (cycles > span / shortest)] = 0.0
+    if fine:
+        shortest = 4.0 * span / bins
+    spectrum[(cycles < (20.0 if fine else 0.75)) | (cycles > span / shortest)] = 0.0
     peaks, _ = find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
     chosen: list[float] = []

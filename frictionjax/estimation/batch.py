@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
 
 # The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
@@ -18,7 +19,7 @@ class Batch(eqx.Module):
 
     **Attributes:** `u`, `x` (input and position units), `valid` (1 where scored, else 0), shape `(r, n)`;
     `dt` (s), `noise` (standard deviation of the position noise), `x0`, `v0`, shape `(r,)`; `block` (samples per
-    block); `lengths` (samples of each recording).
+    block); `lengths` (samples of each recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`).
     """
 
     u: Float[Array, "r n"]
@@ -30,6 +31,7 @@ class Batch(eqx.Module):
     v0: Float[Array, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
+    before: Before
 
     def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
         """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
@@ -69,6 +71,39 @@ def noise_level(recording: Recording, encoder_step: float | None = None) -> floa
 def least_samples(sample_rate: float) -> int:
     """Samples that a recording must have to be scored at all: the observer's settling and two blocks."""
     return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
+
+
+_PIECES = 16  # into which a recording is cut for what came before the others
+
+
+def what_was_before(recordings: tuple[Recording, ...]) -> Before:
+    """What came before each of the `recordings`, as their starting times on one clock tell: arrays of shape `(r,)`, and
+    `(r, k)` for the paths travelled before.
+
+    Recordings that all start at zero share no clock: then nothing is known of what was before.
+    """
+    starts = np.array([r.start_time for r in recordings])
+    ends = starts + np.array([r.duration for r in recordings])
+    paths, when = [], []
+    for recording in recordings:
+        pieces = np.array_split(recording.x, _PIECES)
+        paths += [_path(piece) for piece in pieces]
+        when += [recording.start_time + recording.duration * (k + 0.5) / _PIECES for k in range(_PIECES)]
+    ago = starts[:, None] - np.array(when)[None, :]
+    shared = np.unique(starts).size > 1
+    earlier = (ago > 0.0) & shared
+    rest = [min((s - e for e in ends if e <= s + 1e-9), default=s) if shared else 1.0 for s in starts]
+    return Before(
+        clock=jnp.asarray(starts),
+        rest=jnp.asarray(np.maximum(rest, 0.0)),
+        path=jnp.asarray(np.where(earlier, np.array(paths)[None, :], 0.0)),
+        age=jnp.asarray(np.where(earlier, ago, 0.0)),
+    )
+
+
+def _path(x: np.ndarray) -> float:
+    """Length of the way that `x` goes, position units, seen every twentieth of a second's worth of samples."""
+    return float(np.sum(np.abs(np.diff(x[:: max(x.size // 200, 1)]))))
 
 
 def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
@@ -119,4 +154,5 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         v0=jnp.asarray(v0),
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
+        before=what_was_before(recordings),
     )

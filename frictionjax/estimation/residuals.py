@@ -26,19 +26,27 @@ def standardised(
     """
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
-    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z):
+    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z, before):
         return innovations(
             drive,
             drive.applied_force(u, dt),
             x,
             dt,
             Gains(position_gain, velocity_gain),
-            (x0, v0, z),
+            (x0, v0, z, before),
             substeps=substeps,
         )
 
     raw = jax.vmap(one)(
-        batch.u, batch.x, batch.dt, gains.position, gains.velocity, batch.x0, batch.v0, deflection
+        batch.u,
+        batch.x,
+        batch.dt,
+        gains.position,
+        gains.velocity,
+        batch.x0,
+        batch.v0,
+        deflection,
+        batch.before,
     )
     return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 

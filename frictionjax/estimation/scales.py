@@ -20,6 +20,12 @@ def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
     inside = [positions[row, : batch.lengths[row]] for row in range(len(batch.lengths))]
     low, high = min(x.min() for x in inside), max(x.max() for x in inside)
     Fc, stroke = float(friction.Fc), float(high - low)
+    dt = np.asarray(batch.dt)
+    # The speed of a twentieth of a second: neither noise nor encoder steps count.
+    top = max(_speed(x, float(h)) for x, h in zip(inside, dt, strict=True))
+    inputs = np.abs(np.asarray(batch.u)) if isinstance(batch, Batch) else np.ones(1)
+    largest = max(float(inputs.max()), 1e-300)
+    noise = np.asarray(batch.noise) if isinstance(batch, Batch) else np.full(1, 1e-6 * stroke)
     return {
         "Fc": Fc,
         "sigma0": float(friction.sigma0),
@@ -29,5 +35,16 @@ def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
         "stroke": stroke,
         "center": float(0.5 * (low + high)),
         "Fc/stroke": Fc / stroke,
-        "dt": float(np.min(np.asarray(batch.dt))),
+        "dt": float(np.min(dt)),
+        "u": largest,
+        "1/u^2": 1.0 / largest**2,
+        "Fc/speed^2": Fc / top**2,
+        "Fc/speed^3": Fc / top**3,
+        "step": float(np.median(noise)),
     }
+
+
+def _speed(x: np.ndarray, dt: float) -> float:
+    """Largest mean speed over a twentieth of a second."""
+    window = min(max(round(0.05 / dt), 1), x.size - 1)
+    return max(float(np.max(np.abs(x[window:] - x[:-window]))) / (window * dt), 1e-300)

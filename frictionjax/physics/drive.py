@@ -4,15 +4,23 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.core.safe import real
+from frictionjax.core.safe import real, sign
 from frictionjax.physics.bristles import Bristles, bristle_count, bristles_of
 from frictionjax.physics.effects.base import (
+    AbstractCreepEffect,
+    AbstractDampingEffect,
     AbstractEffect,
     AbstractForceEffect,
     AbstractInputEffect,
     AbstractLevelEffect,
+    AbstractLoadEffect,
+    AbstractSensorEffect,
+    AbstractSlipEffect,
     AbstractSpringEffect,
     AbstractStateEffect,
+    Before,
+    LoadSide,
+    Now,
 )
 from frictionjax.physics.lugre import LuGre
 
@@ -39,6 +47,9 @@ class Drive(eqx.Module):
         """The same machine with `effects` added to those it has."""
         return Drive(self.J, self.friction, self.motor_constant, (*self.effects, *effects))
 
+    def _has(self, slot: type[AbstractEffect]) -> bool:
+        return any(isinstance(effect, slot) for effect in self.effects)
+
     @property
     def bristle_count(self) -> int:
         """Number of bristle elements: 1 for LuGre alone."""
@@ -55,19 +66,65 @@ class Drive(eqx.Module):
                 u = effect.apply(u, dt)
         return self.motor_constant * u
 
-    def level(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """Steady-state friction level G without viscous part, force, at position `x` and velocity `v`."""
-        level = self.friction.level(v)
+    def seen(self, x: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+        """What the position sensor shows at position `x`, velocity `v` and `t` s after the first sample."""
         for effect in self.effects:
-            if isinstance(effect, AbstractLevelEffect):
-                # Strengths that are admissible one by one may together ask for friction that pushes.
-                level = jnp.maximum(effect.level(level, self.friction, x, v), _LEAST_LEVEL * self.friction.Fc)
-        return level
+            if isinstance(effect, AbstractSensorEffect):
+                x = effect.seen(x, v, t)
+        return x
+
+    @property
+    def state_count(self) -> int:
+        """Number of states that effects add to position, velocity and bristles, without those of a second inertia."""
+        return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))
+
+    @property
+    def load_side(self) -> LoadSide | None:
+        """The second inertia, or None."""
+        for effect in self.effects:
+            if isinstance(effect, AbstractLoadEffect):
+                return effect.load_side()
+        return None
 
     @property
     def hidden_count(self) -> int:
-        """Number of states that effects add to position, velocity and bristles."""
-        return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))
+        """Number of states beside position, velocity and bristles: those of effects, then the two of a second inertia
+        (its position and velocity against the motor's)."""
+        return self.state_count + (2 if self._has(AbstractLoadEffect) else 0)
+
+    def instant(
+        self,
+        x: Float[Array, ""],
+        v: Float[Array, ""],
+        push: Float[Array, ""] | float = 0.0,
+        spring: Float[Array, ""] | float = 0.0,
+        hidden: Float[Array, " m"] | None = None,
+    ) -> Now:
+        """A `Now` with the `hidden` states of all effects, shape `(m,)` (None: zero); the other arguments as there."""
+        states = jnp.zeros(self.hidden_count) if hidden is None else hidden
+        return Now(x, v, jnp.asarray(push), jnp.asarray(spring), states)
+
+    def _own(self, now: Now):
+        """Every effect with a `Now` that holds its own states alone."""
+        first = 0
+        for effect in self.effects:
+            count = effect.states if isinstance(effect, AbstractStateEffect) else 0
+            yield effect, Now(now.x, now.v, now.push, now.spring, now.hidden[first : first + count])
+            first += count
+
+    def level(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+        """Steady-state friction level G without viscous part, force, at position `x` and velocity `v`, for an idle
+        motor and states of effects at zero."""
+        return self.level_at(self.instant(x, v))
+
+    def level_at(self, now: Now) -> Float[Array, ""]:
+        """Steady-state friction level G without viscous part, force, for what is `now`."""
+        level = self.friction.level(now.v)
+        for effect, own in self._own(now):
+            if isinstance(effect, AbstractLevelEffect):
+                # Strengths that are admissible one by one may together ask for friction that pushes.
+                level = jnp.maximum(effect.level(level, self.friction, own), _LEAST_LEVEL * self.friction.Fc)
+        return level
 
     def spring_force(self, z: Float[Array, ""]) -> Float[Array, ""]:
         """Force of LuGre's bristle, as if it carried all the stiffness, at deflection `z`: sigma0 z and what effects
@@ -78,53 +135,83 @@ class Drive(eqx.Module):
                 force = effect.spring(force, self.friction, z)
         return force
 
-    def hidden_rates(
-        self, hidden: Float[Array, " m"], v: Float[Array, ""], spring: Float[Array, ""]
-    ) -> tuple[Float[Array, " m"], Float[Array, ""]]:
-        """Time derivatives of the `hidden` states, shape `(m,)`, and the velocity that the bristles see, at velocity
-        `v` and bristle force `spring`."""
-        rates, first, speed = [], 0, v
+    @property
+    def has_slip_effects(self) -> bool:
+        """Whether LuGre's bristle slips by a law of its own."""
+        return self._has(AbstractSlipEffect)
+
+    def slip(self, bend: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+        """What LuGre's bristle loses of its velocity, over |v|: its force over the level, `bend`, and what effects make
+        of that at velocity `v`."""
         for effect in self.effects:
-            if isinstance(effect, AbstractStateEffect):
-                own = hidden[first : first + effect.states]
-                rates.append(effect.rates(self.friction, own, v, spring))
-                speed = effect.bristle_speed(self.friction, own, speed, spring)
-                first += effect.states
-        return (jnp.concatenate(rates) if rates else jnp.zeros(0)), speed
+            if isinstance(effect, AbstractSlipEffect):
+                bend = effect.slip(bend, sign(v))
+        return bend
+
+    def sigma1(self, v: Float[Array, ""]) -> Float[Array, ""]:
+        """Damping of the bristles at velocity `v`, force s/position."""
+        damping = self.friction.sigma1
+        for effect in self.effects:
+            if isinstance(effect, AbstractDampingEffect):
+                damping = damping * effect.damping(self.friction, v)
+        return damping
+
+    def bristle_speed(self, now: Now) -> Float[Array, ""]:
+        """Velocity that the bristles see, position/s, for what is `now`."""
+        speed = now.v
+        for effect, own in self._own(now):
+            if isinstance(effect, AbstractCreepEffect):
+                speed = speed - effect.bristle_speed(self.friction, own)
+        return speed
+
+    def relaxation(self, now: Now) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """Source and rate (1/s) of the states of effects, h' = source - rate h, shape `(m,)`, for what is `now`."""
+        parts = [
+            effect.relax(self.friction, own)
+            for effect, own in self._own(now)
+            if isinstance(effect, AbstractStateEffect)
+        ]
+        if not parts:
+            return jnp.zeros(0), jnp.zeros(0)
+        return jnp.concatenate([part[0] for part in parts]), jnp.concatenate([part[1] for part in parts])
+
+    def first_states(self, before: Before) -> Float[Array, " m"]:
+        """States of effects and of a second inertia at the first sample of a recording, given what was `before`."""
+        parts = [
+            effect.begin(self.friction, before)
+            for effect in self.effects
+            if isinstance(effect, AbstractStateEffect)
+        ]
+        return jnp.concatenate([*parts, jnp.zeros(self.hidden_count - self.state_count)])
 
     @property
     def has_force_effects(self) -> bool:
         """Whether a force stands beside the friction."""
-        return any(isinstance(effect, AbstractForceEffect) for effect in self.effects)
+        return self._has(AbstractForceEffect)
 
-    def parallel_force(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """Opposing force without memory at position `x` and velocity `v`: viscous friction and the force effects."""
-        force = self.friction.sigma2 * v
-        for effect in self.effects:
+    def parallel_force(self, now: Now) -> Float[Array, ""]:
+        """Opposing force beside the bristles for what is `now`: viscous friction and the force effects."""
+        force = self.friction.sigma2 * now.v
+        for effect, own in self._own(now):
             if isinstance(effect, AbstractForceEffect):
-                force = force + effect.force(self.friction, x, v)
+                force = force + effect.force(self.friction, own)
         return force
 
     def opposing_force(
-        self,
-        bristles: Bristles,
-        x: Float[Array, ""],
-        v: Float[Array, ""],
-        z: Float[Array, " n"],
-        rate: Float[Array, " n"],
+        self, bristles: Bristles, now: Now, z: Float[Array, " n"], rate: Float[Array, " n"]
     ) -> Float[Array, ""]:
         """Opposing force (1), with the effects.
 
         **Arguments:**
 
         - `bristles`: from `bristles()`, made once per run.
-        - `x`, `v`: position and velocity.
+        - `now`: the instant.
         - `z`, `rate`: deflection of each bristle element and its rate, position units and position/s, shape `(n,)`.
         """
         bent = self.friction.sigma0 * jnp.sum(bristles.share[1:] * z[1:])
         bent = bent + bristles.share[0] * self.spring_force(z[0])
-        damped = self.friction.sigma1 * jnp.sum(bristles.share * rate)
-        return bent + damped + self.parallel_force(x, v)
+        damped = self.sigma1(now.v) * jnp.sum(bristles.share * rate)
+        return bent + damped + self.parallel_force(now)
 
     def friction_force(
         self,
@@ -134,6 +221,7 @@ class Drive(eqx.Module):
         z: Float[Array, " n"],
         h: Float[Array, ""],
         hidden: Float[Array, " m"] | None = None,
+        push: Float[Array, ""] | float = 0.0,
     ) -> tuple[Float[Array, ""], Float[Array, " n"]]:
         """Opposing force (1), with the effects, and the bristle rates (2), position/s, shape `(n,)`.
 
@@ -144,11 +232,14 @@ class Drive(eqx.Module):
         - `z`: deflection of each bristle element, position units, shape `(n,)`.
         - `h`: step, s, over which the rate of an elasto-slip element that yields is the mean.
         - `hidden`: states of the effects that have some, shape `(m,)`; None: zero.
+        - `push`: motor force.
         """
-        level, sigma0 = self.level(x, v), self.friction.sigma0
+        sigma0 = self.friction.sigma0
+        level = self.level_at(self.instant(x, v, push, self.spring_force(z[0]), hidden))
         limit = bristles.limit(level, sigma0)
         z = bristles.within(z, limit)
-        spring = self.spring_force(z[0])
-        _, w = self.hidden_rates(jnp.zeros(self.hidden_count) if hidden is None else hidden, v, spring)
-        rate = bristles.rate(w, spring / level, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
-        return self.opposing_force(bristles, x, v, z, rate), rate
+        now = self.instant(x, v, push, self.spring_force(z[0]), hidden)
+        w = self.bristle_speed(now)
+        slip = self.slip(now.spring / level, w)
+        rate = bristles.rate(w, slip, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
+        return self.opposing_force(bristles, now, z, rate), rate

@@ -69,9 +69,11 @@ def _linearize(drive, x, z):
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
             sigma0 = drive.friction.sigma0
             sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)
-            slip = bristles.rate(direction * jnp.ones(()), drive.spring_force(elements[0]) / level, sticks)
+            bend = drive.slip(drive.spring_force(elements[0]) / level, direction * jnp.ones(()))
+            slip = bristles.rate(direction * jnp.ones(()), bend, sticks)
             rate = speed * direction * slip
-            force = drive.opposing_force(bristles, position, direction * 1e-300 + speed, elements, rate)
+            now = drive.instant(position, direction * 1e-300 + speed, 0.0, drive.spring_force(elements[0]))
+            force = drive.opposing_force(bristles, now, elements, rate)
             return jnp.concatenate([jnp.stack([speed, -force / drive.J]), rate])
 
         return jax.jacfwd(field)(jnp.concatenate([jnp.stack([x, 0.0 * x]), deflection]))

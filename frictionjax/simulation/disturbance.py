@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.fixed import Start, initial_state
 from frictionjax.simulation.observer import Gains, corrected
 from frictionjax.simulation.ros2 import advance
 
@@ -17,7 +17,7 @@ def residual_force(
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     bandwidth: float,
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
 ) -> Float[Array, " n"]:
     """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
 
@@ -40,14 +40,14 @@ def residual_force(
 
     def sample(carry, inputs):
         state, missing = carry
-        push, measured = inputs
-        innovation = measured - state.x
+        push, measured, t = inputs
+        innovation = measured - drive.seen(state.x, state.v, t)
         missing = missing + gain * innovation
         state = corrected(drive, bristles.slack, state, innovation, gains)
         return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing
 
     first = (initial_state(drive, *start), jnp.zeros_like(dt))
-    missing = jax.lax.scan(sample, first, (force, x))[1]
+    missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0]) * dt))[1]
     lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
     later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, x.shape[0] - 1)
     return drive.J * missing[later]

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.simulation.ros2 import State, advance
 
 
@@ -31,27 +32,43 @@ class Trajectory(eqx.Module):
     error: float | None = eqx.field(static=True, default=None)
 
 
-def initial_state(drive: Drive, x0: Float[Array, ""], v0: Float[Array, ""], z0: Float[Array, ""]) -> State:
-    """State of `drive` at the first sample; every bristle starts at deflection `z0`, states of effects at zero."""
-    return State(x0, v0, z0 * jnp.ones(drive.bristle_count), jnp.zeros(drive.hidden_count))
+Start = (
+    tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]
+    | tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before]
+)
+"""Position, velocity and bristle deflection at the first sample, and what was before it where that is known."""
+
+
+def initial_state(
+    drive: Drive,
+    x0: Float[Array, ""],
+    v0: Float[Array, ""],
+    z0: Float[Array, ""],
+    before: Before | None = None,
+) -> State:
+    """State of `drive` at the first sample; every bristle starts at deflection `z0`, states of effects where what was
+    `before` left them (None: where they are after a second of rest)."""
+    hidden = drive.first_states(Before() if before is None else before)
+    return State(x0, v0, z0 * jnp.ones(drive.bristle_count), hidden)
 
 
 _MOST_STEPS = 256
 
 
 @eqx.filter_jit
-def _simulate(drive, u, dt, x0, v0, z0, substeps):
+def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
     bristles = drive.bristles()
 
     def sample(state, force):
         return advance(drive, bristles, state, force, dt, substeps), state
 
-    def friction_of(state):
-        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden)[0]
+    def friction_of(state, push):
+        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
 
-    _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0), drive.applied_force(u, dt))
+    push = drive.applied_force(u, dt)
+    _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0, before), push)
     # Once the run is there: side by side, where one after the other would hold up the loop.
-    friction = jax.vmap(friction_of)(run)
+    friction = jax.vmap(friction_of)(run, push)
     return Trajectory(jnp.arange(u.shape[0], dtype=u.dtype) * dt, run.x, run.v, run.z, friction, substeps)
 
 
@@ -66,6 +83,7 @@ def simulate(
     substeps: int | Literal["auto"] = 2,
     encoder_step: float | None = None,
     tolerance: float | None = None,
+    before: Before | None = None,
 ) -> Trajectory:
     """Simulate `drive` on the sampled input `u`, held between samples. Works under jit, vmap and grad.
 
@@ -82,6 +100,7 @@ def simulate(
         the last doubling, is below `tolerance`.
     - `encoder_step`: quantum of the position sensor, position units; a tenth of it is the default of `tolerance`.
     - `tolerance`: admissible error of the position, position units.
+    - `before`: what was before the first sample, for effects that remember it (dwell, warm-up).
 
     **Returns:**
 
@@ -99,14 +118,15 @@ def simulate(
             f"`u` has shape {u.shape}; `simulate` takes one input of shape (n,). Batch with jax.vmap."
         )
     start = (real(x0), real(v0), real(z0))
+    before = Before() if before is None else before
     if substeps == "auto":
         if tolerance is None and encoder_step is not None:
             tolerance = 0.1 * encoder_step
-        return _refined(drive, u, 1.0 / real(sample_rate), start, tolerance)
-    return _simulate(drive, u, 1.0 / real(sample_rate), *start, int(substeps))
+        return _refined(drive, u, 1.0 / real(sample_rate), start, tolerance, before)
+    return _simulate(drive, u, 1.0 / real(sample_rate), *start, int(substeps), before)
 
 
-def _refined(drive: Drive, u, dt, start, tolerance: float | None) -> Trajectory:
+def _refined(drive: Drive, u, dt, start, tolerance: float | None, before: Before) -> Trajectory:
     """Twice the steps until two runs differ by little: the error of a second-order run is 4/3 of that difference."""
     if tolerance is None or not tolerance > 0.0:
         raise ValueError(
@@ -118,11 +138,11 @@ def _refined(drive: Drive, u, dt, start, tolerance: float | None) -> Trajectory:
             "that it finds."
         )
     x0, v0, z0 = start
-    coarse = _simulate(drive, u, dt, x0, v0, z0, 1)
+    coarse = _simulate(drive, u, dt, x0, v0, z0, 1, before)
     error = jnp.inf
     steps = 1
     while steps < _MOST_STEPS:
-        fine = _simulate(drive, u, dt, x0, v0, z0, 2 * steps)
+        fine = _simulate(drive, u, dt, x0, v0, z0, 2 * steps, before)
         error = 4.0 / 3.0 * float(jnp.max(jnp.abs(fine.x - coarse.x)))
         if error < tolerance:
             return Trajectory(coarse.t, coarse.x, coarse.v, coarse.z, coarse.friction, steps, error)

@@ -28,6 +28,7 @@ from frictionjax.core.safe import real, sign
 from frictionjax.physics import Bristles, Drive
 from frictionjax.physics.effects.base import AbstractSpringEffect
 from frictionjax.simulation.fixed import Trajectory
+from frictionjax.simulation.load_side import relaxed
 
 _REST = 1e-30  # a velocity that is rest, yet has a direction
 _BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
@@ -144,11 +145,14 @@ def _run(drive: Drive, x, dt, z0, v, substeps: int):
         h, (v0, v1) = step.h, step.v
         if not drive.hidden_count:
             return (_bent(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
-        rate, w0 = drive.hidden_rates(hidden, v0, drive.spring_force(z[0]))
+        now = drive.instant(0.0 * v0, v0, 0.0, drive.spring_force(z[0]), hidden)
+        w0, flow = drive.bristle_speed(now), drive.relaxation(now)
         guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * w0 - v0 + v1), step)
-        rate1, w1 = drive.hidden_rates(hidden + h * rate, v1, drive.spring_force(guess[0]))
+        now = drive.instant(0.0 * v0, v1, 0.0, drive.spring_force(guess[0]), relaxed(hidden, *flow, h))
+        w1, flow1 = drive.bristle_speed(now), drive.relaxation(now)
         z = _bent(drive, bristles, z, 0.5 * h * (w0 + w1), step)
-        return (z, hidden + 0.5 * h * (rate + rate1)), state
+        source, rate = (0.5 * (one + other) for one, other in zip(flow, flow1, strict=True))
+        return (z, relaxed(hidden, source, rate, h)), state
 
     first = (z0 * jnp.ones(drive.bristle_count), jnp.zeros(drive.hidden_count))
     last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))

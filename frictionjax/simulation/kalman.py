@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.fixed import Start, initial_state
 from frictionjax.simulation.ros2 import State, advance
 
 _NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
@@ -60,7 +60,7 @@ def kalman_filter(
     dt: Float[Array, ""],
     noise: Float[Array, ""],
     push: Float[Array, ""],
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     spread: tuple[Float[Array, ""], Float[Array, ""]],
     *,
     substeps: int = 1,
@@ -87,15 +87,17 @@ def kalman_filter(
 
     def sample(carry, inputs):
         state, covariance = carry
-        motor, measured = inputs
+        motor, measured, t = inputs
         variance = covariance[0, 0] + noise**2
         gain = covariance[:, 0] / variance
-        innovation = measured - state[0]
+        innovation = measured - drive.seen(state[0], state[1], t)
         state = state + gain * innovation
         covariance = covariance - gain[:, None] * covariance[0][None]
         # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how
         # much the mean of |v| is above |mean of v| counts as a noise of the bristle.
-        bend = drive.spring_force(state[2]) / drive.level(state[0], state[1])
+        spring = drive.spring_force(state[2])
+        now = drive.instant(state[0], state[1], motor, spring, state[2 + bristles :])
+        bend = spring / drive.level_at(now)
         spread = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
         off = jnp.abs(state[1]) / spread
         above = spread * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
@@ -112,7 +114,7 @@ def kalman_filter(
         covariance = jnp.where(jnp.abs(covariance) > _NOTHING, covariance, 0.0)
         return (state, covariance), (gain, variance, innovation)
 
-    return Filtered(*jax.lax.scan(sample, (first, known), (force, x))[1])
+    return Filtered(*jax.lax.scan(sample, (first, known), (force, x, jnp.arange(x.shape[0]) * dt))[1])
 
 
 def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
@@ -120,11 +122,12 @@ def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
     following = _following(drive, dt, substeps)
 
     def sample(state, inputs):
-        motor, own, weight = inputs
-        innovation, output = tell(state[0], own)
+        motor, own, weight, t = inputs
+        innovation, output = tell(drive.seen(state[0], state[1], t), own)
         return following(state + weight * innovation, motor), output
 
-    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, given, gain))[1]
+    t = jnp.arange(force.shape[0]) * dt
+    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, given, gain, t))[1]
 
 
 def predicted_with(
@@ -133,7 +136,7 @@ def predicted_with(
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gain: Float[Array, "n m"],
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
@@ -150,7 +153,7 @@ def driven_by(
     innovation: Float[Array, " n"],
     dt: Float[Array, ""],
     gain: Float[Array, "n m"],
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:

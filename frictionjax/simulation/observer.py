@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import initial_state
+from frictionjax.simulation.fixed import Start, initial_state
 from frictionjax.simulation.ros2 import State, advance
 
 
@@ -62,7 +62,8 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What
     # counts is the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a
     # needle of static friction would buy itself a faster observer.
-    yield_deflection = slack * drive.level(x, v) / drive.friction.sigma0
+    now = drive.instant(x, v, 0.0, drive.friction.sigma0 * state.z[0], state.hidden)
+    yield_deflection = slack * drive.level_at(now) / drive.friction.sigma0
     stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
     return State(x, v, state.z + gains.position * innovation * stuck, state.hidden)
 
@@ -88,7 +89,7 @@ def observe(
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     *,
     substeps: int = 1,
 ) -> Observed:
@@ -111,13 +112,14 @@ def observe(
     bristles = drive.bristles()
 
     def sample(state, inputs):
-        push, measured = inputs
-        innovation = measured - state.x
+        push, measured, t = inputs
+        innovation = measured - drive.seen(state.x, state.v, t)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z, state.hidden)
 
-    return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1])
+    t = jnp.arange(x.shape[0]) * dt
+    return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1])
 
 
 def innovations(
@@ -126,7 +128,7 @@ def innovations(
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
@@ -137,9 +139,10 @@ def innovations(
     bristles = drive.bristles()
 
     def sample(state, inputs):
-        push, measured = inputs
-        innovation = measured - state.x
+        push, measured, t = inputs
+        innovation = measured - drive.seen(state.x, state.v, t)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 
-    return jax.lax.scan(sample, initial_state(drive, *start), (force, x))[1]
+    t = jnp.arange(x.shape[0]) * dt
+    return jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1]

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
+from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
 from frictionjax.simulation.ros2 import advance
 
@@ -42,12 +43,14 @@ def run_ahead(
     padded = jnp.concatenate([force, jnp.zeros(stride)])
 
     def free_run(state, begin):
-        def sample(state, push):
-            return advance(drive, bristles, state, push, dt, substeps), state.x
+        def sample(state, inputs):
+            push, t = inputs
+            return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, state.v, t)
 
         push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
-        state, passed = jax.lax.scan(sample, state, push)
-        return jnp.concatenate([passed[horizon:], state.x[None]])
+        t = (begin + jnp.arange(horizon + stride)) * dt
+        state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
+        return jnp.concatenate([passed[horizon:], drive.seen(state.x, state.v, t[-1])[None]])
 
     ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
     return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])
@@ -65,7 +68,7 @@ def predict_ahead(
     x: Float[Array, " n"],
     dt: float | Float[Array, ""],
     gains: Gains,
-    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    start: Start,
     *,
     horizon: int,
     stride: int,

@@ -14,6 +14,7 @@ from frictionjax.core import require_x64
 from frictionjax.core.safe import real, sign
 from frictionjax.physics import Drive
 from frictionjax.simulation.fixed import Trajectory, initial_state
+from frictionjax.simulation.load_side import two_inertias
 
 # Part of its yield deflection over which an elasto-slip element goes from sticking to slipping: at 1e-4 a run stalls.
 _CORNER = 1e-2
@@ -34,17 +35,21 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     def field(instant, scaled, _):
         x, v, z, hidden = scaled[0] * bend, scaled[1] * speed, scaled[2:last] * bend, scaled[last:] * bend
         held = force[jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)]
-        level, sigma0 = drive.level(x, v), drive.friction.sigma0
+        spring, sigma0 = drive.spring_force(z[0]), drive.friction.sigma0
+        now = drive.instant(x, v, held, spring, hidden)
+        level = drive.level_at(now)
         # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
         gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
-        spring = drive.spring_force(z[0])
-        hidden_rate, w = drive.hidden_rates(hidden, v, spring)
-        damping_rate = bristles.rate(w, spring / level, w * jnp.clip(gap - 1.0, 0.0, 1.0))
-        rate = bristles.rate(w, spring / level, w * jnp.clip(gap, -100.0, 1.0))
-        opposing = drive.opposing_force(bristles, x, v, z, damping_rate)
-        return jnp.concatenate(
-            [jnp.stack([v / bend, (held - opposing) / drive.J / speed]), rate / bend, hidden_rate / bend]
-        )
+        w = drive.bristle_speed(now)
+        slip = drive.slip(spring / level, w)
+        damping_rate = bristles.rate(w, slip, w * jnp.clip(gap - 1.0, 0.0, 1.0))
+        rate = bristles.rate(w, slip, w * jnp.clip(gap, -100.0, 1.0))
+        opposing = drive.opposing_force(bristles, now, z, damping_rate)
+        source, forget = drive.relaxation(now)
+        own = source - forget * hidden[: drive.state_count]
+        a, load_rate = two_inertias(drive, held - opposing, hidden[drive.state_count :])
+        hidden_rate = jnp.concatenate([own, load_rate])
+        return jnp.concatenate([jnp.stack([v / bend, a / speed]), rate / bend, hidden_rate / bend])
 
     start = initial_state(drive, x0, v0, z0)
     scaled = jnp.concatenate(
@@ -77,8 +82,8 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         scaled[:, 2:last] * bend,
         scaled[:, last:] * bend,
     )
-    friction = jax.vmap(lambda x, v, z, own: drive.friction_force(bristles, x, v, z, dt, own)[0])(
-        x, v, z, hidden
+    friction = jax.vmap(lambda x, v, z, own, push: drive.friction_force(bristles, x, v, z, dt, own, push)[0])(
+        x, v, z, hidden, force
     )
     return Trajectory(t, x, v, z, friction)
 

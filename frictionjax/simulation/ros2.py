@@ -4,8 +4,9 @@
 
 (Verwer, Spee, Blom, Hundsdorfer 1999). The order does not rest on A, so A holds only what is stiff: the bristles,
 their damping and the viscous force. A is an arrow (each bristle meets the others only through v) and is solved by
-elimination, whatever the number of bristles. |v| is never smoothed: at rest that would let the bristles creep. Forces
-that depend on the position (springs, ripple) are outside A: they must be slow against the step, k h^2/J below 4.
+elimination, whatever the number of bristles; a second inertia behind a coupling goes the same way. |v| is never
+smoothed: at rest that would let the bristles creep. Forces that depend on the position (springs, ripple) are outside
+A: they must be slow against the step, k h^2/J below 4.
 """
 
 import equinox as eqx
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Bristles, Drive
+from frictionjax.simulation.load_side import contact, relaxed
 
 _GAMMA = 1.0 - 0.5**0.5
 # A bristle never bends beyond G/sigma0; this many times Fs/sigma0 is beyond any level that an effect makes of G.
@@ -46,7 +48,8 @@ def ros2_step(
     """
     friction = drive.friction
     gh = _GAMMA * h
-    mobility = 1.0 / drive.J
+    side, own = drive.load_side, drive.state_count
+    mobility = 1.0 / drive.J if side is None else 1.0 / (drive.J * (1.0 - side.ratio))
     share, slack = bristles.share[1:], bristles.slack[1:] / friction.sigma0
     alone = bristles.share.shape[-1] == 1
     first = bristles.share[0]
@@ -54,35 +57,46 @@ def ros2_step(
     def total(values):
         return jnp.sum(share * values)
 
-    def opposing(spring, rate, beside, bent, damped):
+    def opposing(spring, rate, beside, bent, damped, sigma1):
         """Equation (1): `spring` force and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the others."""
         # Nothing is added where there are no others: the compiler may not drop a product with zero.
         if alone:
-            return spring + friction.sigma1 * rate + beside
-        return first * spring + friction.sigma0 * bent + friction.sigma1 * (first * rate + damped) + beside
+            return spring + sigma1 * rate + beside
+        return first * spring + friction.sigma0 * bent + sigma1 * (first * rate + damped) + beside
+
+    def slips(bend, speed):
+        """What LuGre's bristle loses of its velocity, over |speed|, and the derivative of that by `bend`."""
+        if not drive.has_slip_effects:
+            return bend, 1.0
+        return jax.jvp(lambda bent: drive.slip(bent, speed), (bend,), (jnp.ones_like(bend),))
 
     x, v, z = state.x, state.v, state.z[0]
+    hidden, load = state.hidden[:own], state.hidden[own:]
+    sigma1 = drive.sigma1(v)
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
 
     # What depends on the velocity, and its derivatives: one evaluation gives f and what A needs of it. States of
-    # effects are slow against the bristle: they stay outside A. The bristles see the velocity w.
+    # effects relax by their own exact step: they stay outside A. The bristles see the velocity w.
     def moving(speed):
-        hidden_rate, w = drive.hidden_rates(state.hidden, speed, spring)
-        return (w, drive.level(x, speed), drive.parallel_force(x, speed)), hidden_rate
+        now = drive.instant(x, speed, force, spring, state.hidden)
+        return (drive.bristle_speed(now), drive.level_at(now), drive.parallel_force(now)), drive.relaxation(
+            now
+        )
 
-    (w, level, beside), (w_v, level_v, beside_v), hidden_rate = jax.jvp(
+    (w, level, beside), (w_v, level_v, beside_v), flow = jax.jvp(
         moving, (v,), (jnp.ones_like(v),), has_aux=True
     )
     softness = 1.0 / level
     bend = spring * softness
-    rate = w - jnp.abs(w) * bend
+    lost, lost_b = slips(bend, w)
+    rate = w - jnp.abs(w) * lost
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
     bent = moved = stuck = bent_1 = moved_1 = 0.0
     if not alone:
         bent, moved = total(plays), total(bristles.cut(plays + h * w, limit) - plays) / h
-    friction_now = opposing(spring, rate, beside, bent, moved)
+    friction_now = opposing(spring, rate, beside, bent, moved, sigma1)
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
     # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
@@ -91,12 +105,15 @@ def ros2_step(
     fast = jnp.where(turns, w + w_v * (ahead - v), w)
     if drive.has_force_effects:
         # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
-        _, beyond_v = jax.jvp(lambda speed: drive.parallel_force(x, speed), (ahead,), (jnp.ones_like(v),))
+        def beyond(speed):
+            return drive.parallel_force(drive.instant(x, speed, force, spring, state.hidden))
+
+        _, beyond_v = jax.jvp(beyond, (ahead,), (jnp.ones_like(v),))
         beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
     slip = jnp.abs(fast) * softness
-    rate_z = -slip * slope
+    rate_z = -slip * slope * lost_b
     # Columns of A: v moves everything, LuGre's z moves its own rate only.
-    rate_v = w_v * (1.0 - jnp.sign(fast) * bend) + slip * bend * jnp.where(turns, 0.0, level_v)
+    rate_v = w_v * (1.0 - jnp.sign(fast) * lost) + slip * bend * lost_b * jnp.where(turns, 0.0, level_v)
     if not alone:
         stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
     if not exact_derivative:
@@ -105,41 +122,66 @@ def ros2_step(
         )
     per_mass = gh * mobility
     below_z = 1.0 - gh * rate_z
-    coupling = -per_mass * (slope + friction.sigma1 * rate_z)
-    below_v = 1.0 + per_mass * (beside_v + friction.sigma1 * rate_v)
+    coupling = -per_mass * (slope + sigma1 * rate_z)
+    below_v = 1.0 + per_mass * (beside_v + sigma1 * rate_v)
     if not alone:
         coupling = first * coupling
         below_v = 1.0 + per_mass * (
-            beside_v + friction.sigma1 * (first * rate_v + stuck) + gh * friction.sigma0 * stuck
+            beside_v + sigma1 * (first * rate_v + stuck) + gh * friction.sigma0 * stuck
         )
+    heavy = yielding = a2 = 0.0
+    if side is not None:
+        # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
+        heavy = side.ratio / (1.0 - side.ratio)
+        a2, touches = contact(drive, load)
+        yielding = touches * (gh * side.damping + gh * gh * side.stiffness)
+        below_v = below_v + heavy * yielding / (1.0 + yielding)
     pivot_z = 1.0 / below_z
     pivot_v = below_z / (below_z * below_v - gh * coupling * rate_v)
     arm = coupling * pivot_z
 
-    def solve(right_v, right_z, right_plays):
-        """Slopes of v, of LuGre's bristle, and of the sum over the other elements."""
+    def solve(right_v, right_z, right_plays, right_d, right_2):
+        """Slopes of v, of LuGre's bristle, of the sum over the other elements, and of d and w of a second inertia."""
         if not alone:
             right_v = right_v - per_mass * friction.sigma0 * right_plays
+        if side is not None:
+            pull = gh * touches * side.stiffness * right_d
+            drag = (right_2 - pull) / (1.0 + yielding)
+            right_v = right_v + heavy * (pull + yielding * drag)
         k_v = (right_v + arm * right_z) * pivot_v
         k_plays = 0.0 if alone else right_plays + gh * stuck * k_v
-        return k_v, (right_z + gh * rate_v * k_v) * pivot_z, k_plays
+        k_w = drag - k_v / (1.0 + yielding) if side is not None else 0.0
+        k_d = right_d + gh * k_w if side is not None else 0.0
+        return k_v, (right_z + gh * rate_v * k_v) * pivot_z, k_plays, k_d, k_w
 
-    k1_v, k1_z, k1_plays = solve((force - friction_now) * mobility, rate, moved)
+    w_load = load[1] if side is not None else 0.0
+    k1_v, k1_z, k1_plays, k1_d, k1_w = solve(
+        (force - friction_now) * mobility - heavy * a2, rate, moved, w_load, a2
+    )
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
-    level_1 = drive.level(x1, v1)
     spring_1 = drive.spring_force(z1)
-    hidden_rate_1, w1 = drive.hidden_rates(state.hidden + h * hidden_rate, v1, spring_1)
-    rate_1 = w1 - jnp.abs(w1) * (spring_1 / level_1)
+    ahead_hidden = relaxed(hidden, *flow, h) if own else hidden
+    now_1 = drive.instant(x1, v1, force, spring_1, ahead_hidden)
+    level_1, w1 = drive.level_at(now_1), drive.bristle_speed(now_1)
+    rate_1 = w1 - jnp.abs(w1) * drive.slip(spring_1 / level_1, w1)
     limit_1 = level_1 * slack
     if not alone:
         middle = plays + h * (0.5 * (w + w1))
         # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
         moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
         bent_1 = total(bristles.cut(middle, limit_1))
-    friction_1 = opposing(spring_1, rate_1, drive.parallel_force(x1, v1), bent_1, moved_1)
-    k2_v, k2_z, _ = solve(
-        (force - friction_1) * mobility - 2.0 * k1_v, rate_1 - 2.0 * k1_z, moved_1 - 2.0 * k1_plays
+    friction_1 = opposing(spring_1, rate_1, drive.parallel_force(now_1), bent_1, moved_1, drive.sigma1(v1))
+    a2_1 = w_load_1 = 0.0
+    if side is not None:
+        load_1 = jnp.stack([load[0] + h * k1_d, w_load + h * k1_w])
+        a2_1, w_load_1 = contact(drive, load_1)[0], load_1[1]
+    k2_v, k2_z, _, k2_d, k2_w = solve(
+        (force - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,
+        rate_1 - 2.0 * k1_z,
+        moved_1 - 2.0 * k1_plays,
+        w_load_1 - 2.0 * k1_d,
+        a2_1 - 2.0 * (k1_w + k1_v),
     )
     k2_x = v1 - 2.0 * k1_x + gh * k2_v
     x2, v2 = x + h * (1.5 * k1_x + 0.5 * k2_x), v + h * (1.5 * k1_v + 0.5 * k2_v)
@@ -148,14 +190,26 @@ def ros2_step(
     # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
     bound = jax.lax.stop_gradient(_BENT * friction.Fs / friction.sigma0)
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
-    v2 = v2 + friction.sigma1 * (excess if alone else first * excess) * mobility
+    v2 = v2 + sigma1 * (excess if alone else first * excess) * mobility
     z2 = (z2 - excess)[None]
     if not alone:
         way = x2 - x
-        if drive.hidden_count:
+        if own:
             way = way - 0.5 * h * ((v - w) + (v1 - w1))
         z2 = jnp.concatenate([z2, bristles.cut(plays + way, limit_1)])
-    return State(x2, v2, z2, state.hidden + 0.5 * h * (hidden_rate + hidden_rate_1))
+    following = [hidden]
+    if own:
+        # Source and rate as they are in the mean: second order, and stable however fast a state forgets.
+        following = [
+            relaxed(
+                hidden,
+                *(0.5 * (one + other) for one, other in zip(flow, drive.relaxation(now_1), strict=True)),
+                h,
+            )
+        ]
+    if side is not None:
+        following.append(load + h * jnp.stack([1.5 * k1_d + 0.5 * k2_d, 1.5 * k1_w + 0.5 * k2_w]))
+    return State(x2, v2, z2, jnp.concatenate(following))
 
 
 def advance(

@@ -1,14 +1,17 @@
 """Effects: physics that the base model leaves out. Orthogonal slots, one abstract class each.
 
-Every strength is zero at the base model, and the model is differentiable there.
+Every strength is zero at the base model, and the model is differentiable there. An effect may fill several slots: a
+state that goes on from sample to sample (`AbstractStateEffect`), and the friction level that depends on it.
 """
 
 from abc import abstractmethod
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.safe import real
 from frictionjax.physics.lugre import LuGre
 
 
@@ -16,7 +19,9 @@ class About(eqx.Module):
     """What people should know of an effect.
 
     **Attributes:** `sentence` (what it is), `equation`, `shows` (where it shows), `confused_with` (names of
-    effects with a similar fingerprint), `split_by` (the experiment that tells it from those), `source`.
+    effects with a similar fingerprint), `split_by` (the experiment that tells it from those), `source`, `needs` (what
+    recordings must hold to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`, `"clock"`,
+    `"angle"`).
     """
 
     sentence: str = eqx.field(static=True)
@@ -25,6 +30,31 @@ class About(eqx.Module):
     confused_with: tuple[str, ...] = eqx.field(static=True, default=())
     split_by: str = eqx.field(static=True, default="")
     source: str = eqx.field(static=True, default="")
+    needs: tuple[str, ...] = eqx.field(static=True, default=())
+
+
+class Now(eqx.Module):
+    """What an effect may look at, at one instant: position `x`, velocity `v`, motor force `push` (held over the step),
+    force of LuGre's bristle `spring`, and the effect's own states `hidden`, shape `(states,)`."""
+
+    x: Float[Array, ""]
+    v: Float[Array, ""]
+    push: Float[Array, ""]
+    spring: Float[Array, ""]
+    hidden: Float[Array, " states"]
+
+
+class Before(eqx.Module):
+    """What came before a recording, as far as it is known.
+
+    **Attributes:** `clock` (s since power-on at its first sample), `rest` (s that the machine rested before it), and
+    the paths travelled before, `path` (position units, shape `(k,)`), each so many s ago, `age` (shape `(k,)`).
+    """
+
+    clock: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    rest: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+    path: Float[Array, "... k"] = eqx.field(converter=real, default_factory=lambda: jnp.zeros(1))
+    age: Float[Array, "... k"] = eqx.field(converter=real, default_factory=lambda: jnp.zeros(1))
 
 
 class AbstractEffect(eqx.Module):
@@ -44,22 +74,28 @@ class AbstractInputEffect(AbstractEffect):
         """Input `u` (shape (n,), held for `dt` s) as the plant receives it: its mean over each sample."""
 
 
+class AbstractSensorEffect(AbstractEffect):
+    """Slot: the path from the position to the measurement."""
+
+    @abstractmethod
+    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+        """What the sensor shows for a `position` (position units), at velocity `v` and `t` s after the first sample."""
+
+
 class AbstractForceEffect(AbstractEffect):
     """Slot: a force beside the friction, J x'' = km u - F - force."""
 
     @abstractmethod
-    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """The opposing force, force units, at position `x` and velocity `v`; `friction` gives scales."""
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        """The opposing force, force units, for what is `now`; `friction` gives scales."""
 
 
 class AbstractLevelEffect(AbstractEffect):
     """Slot: inside the friction law, the steady-state level G."""
 
     @abstractmethod
-    def level(
-        self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        """The level (force units) that replaces `level` at position `x` and velocity `v`; `friction` gives scales."""
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
+        """The level (force units) that replaces `level` for what is `now`; `friction` gives scales."""
 
 
 class AbstractSpringEffect(AbstractEffect):
@@ -74,23 +110,43 @@ class AbstractSpringEffect(AbstractEffect):
         """
 
 
+class AbstractSlipEffect(AbstractEffect):
+    """Slot: how LuGre's bristle slips, dz/dt = v - |v| slip."""
+
+    @abstractmethod
+    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+        """What replaces `bend`, the bristle's force over the level G (1 in steady sliding, where it must stay 1), for
+        motion in `direction` (+1 or -1)."""
+
+
+class AbstractDampingEffect(AbstractEffect):
+    """Slot: the damping sigma1 of the bristles."""
+
+    @abstractmethod
+    def damping(self, friction: LuGre, v: Float[Array, ""]) -> Float[Array, ""]:
+        """Factor on sigma1 at velocity `v`; `friction` gives scales."""
+
+
 class AbstractStateEffect(AbstractEffect):
-    """Slot: states of its own that go on from sample to sample, slow against the bristle."""
+    """Slot: states of its own that go on from sample to sample, each relaxing: h' = source - rate h."""
 
     states: eqx.AbstractClassVar[int]
 
     @abstractmethod
-    def rates(
-        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
-    ) -> Float[Array, " states"]:
-        """Time derivatives of the `hidden` states (which start at zero), at velocity `v` and bristle force `spring`;
-        `friction` gives scales."""
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        """`source` and `rate` (1/s, not negative) of the states for what is `now`; `friction` gives scales."""
+
+    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+        """States at the first sample of a recording, given what was `before`; zero unless the effect knows better."""
+        return jnp.zeros(self.states)
+
+
+class AbstractCreepEffect(AbstractStateEffect):
+    """Slot: states in series with the bristles, which then see another velocity."""
 
     @abstractmethod
-    def bristle_speed(
-        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        """Velocity that the bristles see in place of `v`, position/s; `friction`, `hidden`, `spring` as in `rates`."""
+    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        """Velocity that the bristles see less than the machine has, position/s, for what is `now`."""
 
 
 class AbstractBristleEffect(AbstractEffect):
@@ -104,3 +160,28 @@ class AbstractBristleEffect(AbstractEffect):
 
         The single bristle keeps the stiffness that the shares leave.
         """
+
+
+class LoadSide(eqx.Module):
+    """A second inertia behind an elastic coupling. With d = x2 - x1 and w = d':
+
+        x2'' = -stiffness dz(d) - damping w (in contact),   J1 x1'' = km u - F - J2 x2''
+
+    J1 = (1 - ratio) J, J2 = ratio J; dz(d) is d beyond half the gap on either side, else 0.
+
+    **Attributes:** `ratio` (J2/J), `stiffness` (over J2, 1/s^2), `damping` (over J2, 1/s), `half_gap` (position
+    units).
+    """
+
+    ratio: Float[Array, ""]
+    stiffness: Float[Array, ""]
+    damping: Float[Array, ""]
+    half_gap: Float[Array, ""]
+
+
+class AbstractLoadEffect(AbstractEffect):
+    """Slot: an inertia of its own behind the motor's. A drive takes one at most."""
+
+    @abstractmethod
+    def load_side(self) -> LoadSide:
+        """The second inertia and its coupling."""

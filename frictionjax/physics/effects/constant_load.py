@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -34,5 +34,5 @@ class ConstantLoad(AbstractForceEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        return self.load + 0.0 * x
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.load + 0.0 * now.x

@@ -8,11 +8,24 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractStateEffect
+from frictionjax.physics.effects.base import About, AbstractCreepEffect, Now
 from frictionjax.physics.lugre import LuGre
 
+_ABOUT = About(
+    sentence="presliding creep: displacement that goes on under a constant force",
+    equation="d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant, dz/dt = w - |w| F_z/G, w = v - d x_c/dt",
+    shows="holds and slow loads below break-away",
+    confused_with=("maxwell_slip", "dwell_strengthening", "viscoelastic_damping"),
+    split_by="a force held below break-away for ten seconds, and let go",
+    source="Rizos, Fassois 2004",
+    needs=("presliding",),
+)
+_STRENGTH = Parameter(
+    "compliance", "1", "creep over elastic deflection", lower=0.0, upper=3.0, probes=(0.02, 0.3)
+)
 
-class Creep(AbstractStateEffect):
+
+class Creep(AbstractCreepEffect):
     """A Kelvin-Voigt element in series with the bristle: d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant.
 
     The bristle sees v - d x_c/dt.
@@ -28,34 +41,49 @@ class Creep(AbstractStateEffect):
 
     states: ClassVar[int] = 1
     name: ClassVar[str] = "creep"
-    about: ClassVar[About] = About(
-        sentence="presliding creep: displacement that goes on under a constant force",
-        equation="d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant, dz/dt = w - |w| F_z/G, w = v - d x_c/dt",
-        shows="holds and slow loads below break-away",
-        confused_with=("maxwell_slip", "dwell_strengthening"),
-        split_by="a force held below break-away for ten seconds, and let go",
-        source="Rizos, Fassois 2004",
-    )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "compliance", "1", "creep over elastic deflection", lower=0.0, upper=3.0, probes=(0.02, 0.3)
-        ),
-    )
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = (_STRENGTH,)
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "time_constant", "s", "time constant", "log", lower=0.005, upper=30.0, grid=(0.02, 0.2, 2.0)
         ),
     )
 
-    def _rate(self, friction: LuGre, hidden, spring):
-        return (self.compliance * spring / friction.sigma0 - hidden[0]) / self.time_constant
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        source = self.compliance * now.spring / (friction.sigma0 * self.time_constant)
+        return source[None], jnp.broadcast_to(1.0 / self.time_constant, (1,))
 
-    def rates(
-        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
-    ) -> Float[Array, " states"]:
-        return jnp.stack([self._rate(friction, hidden, spring)])
+    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        source, rate = self.relax(friction, now)
+        return source[0] - rate[0] * now.hidden[0]
 
-    def bristle_speed(
-        self, friction: LuGre, hidden: Float[Array, " states"], v: Float[Array, ""], spring: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return v - self._rate(friction, hidden, spring)
+
+class LogarithmicCreep(AbstractCreepEffect):
+    """Kelvin-Voigt elements in series, one a decade and alike: under a constant force x_c grows with log t.
+
+    From `shortest` to a thousand times as long the growth per decade is `compliance` F_z/sigma0.
+
+    **Arguments:**
+
+    - `compliance`: creep of a decade over the elastic deflection.
+    - `shortest`: time constant of the fastest element, s.
+    """
+
+    compliance: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    shortest: Float[Array, "..."] = eqx.field(converter=real, default=0.01)
+
+    states: ClassVar[int] = 4
+    name: ClassVar[str] = "creep"
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = (_STRENGTH,)
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("shortest", "s", "shortest time constant", "log", lower=0.002, upper=1.0, grid=(0.02,)),
+    )
+
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        rate = 1.0 / (self.shortest * 10.0 ** jnp.arange(4.0))
+        return self.compliance * now.spring / friction.sigma0 * rate, rate
+
+    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        source, rate = self.relax(friction, now)
+        return jnp.sum(source - rate * now.hidden)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real, sign
-from frictionjax.physics.effects.base import About, AbstractForceEffect, AbstractLevelEffect
+from frictionjax.physics.effects.base import About, AbstractForceEffect, AbstractLevelEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 _ABOUT = About(
@@ -39,10 +39,8 @@ class DirectionAsymmetry(AbstractLevelEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def level(
-        self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return level * (1.0 + self.coulomb * sign(v))
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
+        return level * (1.0 + self.coulomb * sign(now.v))
 
 
 class ViscousAsymmetry(AbstractForceEffect):
@@ -69,5 +67,5 @@ class ViscousAsymmetry(AbstractForceEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        return self.viscous * friction.sigma2 * jnp.abs(v)
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.viscous * friction.sigma2 * jnp.abs(now.v)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLevelEffect
+from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 _ABOUT = About(
@@ -45,11 +45,9 @@ class PositionDependence(AbstractLevelEffect):
         Parameter("half_stroke", "{position}", "half the stroke", "none", scale="stroke", grid=(0.5,)),
     )
 
-    def level(
-        self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
-    ) -> Float[Array, ""]:
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
         # Outside the stroke the polynomial would run away; a friction level does not.
-        p = jnp.clip((x - self.center) / self.half_stroke, -1.2, 1.2)
+        p = jnp.clip((now.x - self.center) / self.half_stroke, -1.2, 1.2)
         return level * (1.0 + self.linear * p + self.quadratic * (1.5 * p * p - 0.5))
 
 
@@ -78,8 +76,6 @@ class PeriodicPositionDependence(AbstractLevelEffect):
         ),
     )
 
-    def level(
-        self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * x / self.period
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * now.x / self.period
         return level * (1.0 + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle))

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -36,5 +36,5 @@ class ReturnSpring(AbstractForceEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        return self.stiffness * x
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.stiffness * now.x

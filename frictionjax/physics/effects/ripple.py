@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -43,6 +43,6 @@ class Ripple(AbstractForceEffect):
         ),
     )
 
-    def force(self, friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * x / self.period
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * now.x / self.period
         return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import power, real
-from frictionjax.physics.effects.base import About, AbstractLevelEffect
+from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -38,10 +38,8 @@ class StribeckShape(AbstractLevelEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def level(
-        self, level: Float[Array, ""], friction: LuGre, x: Float[Array, ""], v: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        ratio = jnp.abs(v) / friction.vs
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
+        ratio = jnp.abs(now.v) / friction.vs
         squared = ratio * ratio
         # |v/vs|^(2+d) = (v/vs)^2 |v/vs|^d; written so that the derivative in d at v = 0 is 0, not NaN.
         shaped = power(ratio, 2.0 + self.exponent_change)

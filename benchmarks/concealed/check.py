@@ -1,0 +1,103 @@
+"""Sanity of the simulator: `python -m benchmarks.concealed.check [--seeds N] [--only NAME ...]` prints two tables.
+
+The first has one row an effect (strong): how far stick recordings travel, how well closed loops follow, what input they
+need, and how much the effect changes the measured position, in encoder steps. The second halves the substep.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+
+import numpy as np
+
+from .cases import SUBSTEPS, SimulatedCase, experiments_of, make_case, record
+from .effects import EFFECTS
+
+_FINE = 1e-7
+
+
+def excursion(case: SimulatedCase) -> float:
+    """Largest travel of a stick recording over the break-away deflection (recordings meant to slip left out)."""
+    travels = [
+        np.ptp(r["x"]) for r in case.recordings if r["loop"] == "open" and r["name"] not in ("breakaway",)
+    ]
+    return max(travels, default=0.0) / case.machine.deflection
+
+
+def tracking(case: SimulatedCase) -> float:
+    """Largest rms tracking error of a closed loop, over the rms of its reference."""
+    plans = {e.name: e for e in experiments_of(case.truth["seed"], case.machine, case.truth["families"])}
+    errors = []
+    for r in case.recordings:
+        if r["loop"] == "closed":
+            wanted = plans[r["name"]].command
+            errors.append(np.std(wanted - r["x"]) / np.std(wanted))
+    return max(errors, default=0.0)
+
+
+def loudest(case: SimulatedCase) -> float:
+    """Largest input, as a share of what breaks away."""
+    peak = max(np.abs(r["u"]).max() for r in case.recordings)
+    return peak * case.machine.motor_constant / case.machine.Fs
+
+
+def change(case: SimulatedCase, null: SimulatedCase, loop: str) -> float:
+    """Rms difference to the same case without effect, in encoder steps, over recordings of one loop."""
+    pairs = zip(case.recordings, null.recordings, strict=True)
+    squares = [np.mean((a["x"] - b["x"]) ** 2) for a, b in pairs if a["loop"] == loop]
+    return float(np.sqrt(np.mean(squares))) / case.machine.encoder_step
+
+
+def convergence(seed: int, missing: tuple[str, ...], substeps: int = SUBSTEPS) -> dict[str, float]:
+    """Rms change of the true position when the substep is halved, over the rms sensor noise, by recording.
+
+    Without rounding: a controller would turn the first sample rounded to the other side into another noise.
+    """
+    case = make_case(seed, missing)
+    machine = dataclasses.replace(
+        case.machine,
+        encoder_step=case.machine.encoder_step * _FINE,
+        sensor_noise=case.machine.sensor_noise / _FINE,
+    )
+    noise = machine.sensor_noise * machine.encoder_step
+    carried: dict[str, float] = {}
+    changes = {}
+    for experiment in experiments_of(seed, case.machine):
+        _, _, coarse = record(experiment, machine, case.knobs, carried, seed, substeps)
+        _, carried, fine = record(experiment, machine, case.knobs, carried, seed, 2 * substeps)
+        changes[experiment.name] = float(np.sqrt(np.mean((coarse - fine) ** 2))) / noise
+    return changes
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--only", nargs="*", default=None, help="effects to check (default: all)")
+    parser.add_argument("--strength", default="strong")
+    options = parser.parse_args()
+    names = options.only or ["", *EFFECTS]
+
+    print(f"{'effect':30s} seed  kind    finite stick/z0  track  u/ubreak  dx stick   dx slide  seconds")
+    for name in names:
+        for seed in range(options.seeds):
+            missing = (name,) if name else ()
+            begun = time.perf_counter()
+            case = make_case(seed, missing, options.strength)
+            spent = time.perf_counter() - begun
+            null = make_case(seed, (), kind=case.machine.kind)
+            finite = all(np.isfinite(r["x"]).all() and np.isfinite(r["u"]).all() for r in case.recordings)
+            row = f"{name or '(null)':30s} {seed:4d}  {case.machine.kind:7s} {finite!s:6s} {excursion(case):8.2f}"
+            row += f" {tracking(case):6.3f} {loudest(case):8.2f} {change(case, null, 'open'):10.2f}"
+            print(f"{row} {change(case, null, 'closed'):10.2f} {spent:7.2f}", flush=True)
+
+    print("\nhalving the substep: rms change of position over sensor noise")
+    for name in names:
+        changes = convergence(0, (name,) if name else ())
+        print(f"{name or '(null)':30s} " + "  ".join(f"{k} {v:.2g}" for k, v in changes.items()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""The base model fitted to a case: LuGre and the inertia, from every starting value, robust against what it lacks."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from frictionjax.core import Estimate, Progress
+from frictionjax.diagnosis.judge import judge
+from frictionjax.diagnosis.refit import Model
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.parameters import at_a_bound
+from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.uncertainty import estimates, sandwich
+from frictionjax.physics import Drive
+
+
+def fit_base(
+    starts: Sequence[Drive],
+    batch: Batch,
+    held_out: np.ndarray,
+    executor: Executor,
+    progress: Progress,
+    *,
+    known_inertia: bool = False,
+) -> Model:
+    """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
+
+    A model with something missing has several minima, and which is the best is not to be seen after a few steps: every
+    one of the `starts` goes down with the fast observer, and the two that come lowest go on with the slow one.
+
+    **Raises:** `ValueError` when no start gives finite predictions.
+    """
+    # One template for all starts: the vector carries the start, and nothing is compiled twice.
+    joint, _ = make_joint(starts[0], batch, held_out, known_inertia=known_inertia)
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+
+    def go_down(start: Drive) -> Fitted:
+        _, vector = make_joint(start, batch, held_out, known_inertia=known_inertia)
+        return descend(joint, vector, steps=15, tolerance=0.02)
+
+    progress(f"base fit: {len(starts)} starting values", 0.0)
+    reached = sorted(executor.map(go_down, starts), key=lambda end: end.misfit)
+    progress("base fit: slow observer", 0.6)
+    best = [end for end in reached[:2] if np.isfinite(end.misfit)]
+    ends = list(executor.map(lambda end: descend(slow, end.vector, graduate=False), best))
+    if not ends:
+        raise ValueError(
+            "No starting value gives finite predictions; check `drive`, and the units of the recordings and of "
+            "the motor constant."
+        )
+    fitted = min(ends, key=lambda end: end.misfit)
+    return Model(slow, fitted, judge(slow, fitted))
+
+
+def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
+    """Physical values of the free parameters of `model` with standard errors by the clustered sandwich; `units` maps
+    force, position, input to unit names."""
+    joint, (vector, look, *_) = model.joint, model.fitted
+    hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
+    if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
+        covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
+    else:
+        covariance = np.full(hessian.shape, np.inf)
+    return estimates(joint.layout, vector, joint.setting, covariance, units)
+
+
+def message_of(model: Model) -> str:
+    """What is to be said of the fit: that it did not come to rest, or which parameters stopped at an end of their
+    range; empty when there is nothing."""
+    joint, count = model.joint, len(model.joint.layout)
+    ends = at_a_bound(joint.layout, model.fitted.vector[:count], joint.setting.start[:count])
+    said = [] if model.fitted.converged else ["The fit stopped while still improving slightly."]
+    return " ".join(said + ([f"At the end of its range: {', '.join(ends)}."] if ends else []))

@@ -1,0 +1,230 @@
+"""All recordings of a case before one model structure: what the diagnosis fits, tests and judges with.
+
+Recordings kept aside ride along: their prediction errors and starting deflections are computed in the same compiled
+call, and no parameter sees them.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
+from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack
+from frictionjax.estimation.residuals import block_power
+from frictionjax.physics import Drive
+from frictionjax.physics.effects import AbstractEffect
+from frictionjax.simulation import observer_gains
+
+FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
+"""Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
+CLUSTER_BLOCKS = 10
+"""Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
+LANES = 6
+"""Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
+
+_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
+
+
+class Look(eqx.Module):
+    """One vector before all recordings.
+
+    **Attributes:** `power` (mean square of the standardised innovations in each block, `(r, b)`), `cost` (at the knee,
+    of the fitted recordings and the prior), `own` (of each recording, `(r,)`), `gradient` `(q,)`, `hessian` `(q, q)`,
+    `clusters` (gradient of each cluster of 0.5 s, `(c, q)`).
+    """
+
+    power: Float[Array, "r b"]
+    cost: Float[Array, ""]
+    own: Float[Array, " r"]
+    gradient: Float[Array, " q"]
+    hessian: Float[Array, "q q"]
+    clusters: Float[Array, "c q"]
+
+
+def _cost(power, knee, batch):
+    """Cauchy cost of each recording with the knee at the power `knee`, shape `(r,)`."""
+    return 0.5 * jnp.sum(batch.block_count * jnp.log((power + knee) / (2.0 * knee)), axis=1)
+
+
+def _own_prior(vector, setting, recordings):
+    off = (vector - setting.start) * setting.prior
+    return off, 0.5 * off[-recordings:] ** 2
+
+
+@eqx.filter_jit
+def _look(layout, vector, setting: Setting, fitted, knee) -> Look:
+    e, columns = error_jacobian(layout, vector, setting)
+    batch, count, recordings = setting.batch, len(layout), fitted.shape[0]
+    # No parameter sees a recording that is kept aside.
+    columns = columns.at[:count].multiply(fitted[None, :, None])
+    power = block_power(e, batch)
+    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
+    own = _cost(power, knee, batch)
+    off, deflected = _own_prior(vector, setting, recordings)
+    pull = columns * (e * weight)[None]
+    root = jnp.sqrt(weight)
+    tall = (columns * root[None]).reshape(columns.shape[0], -1)
+    length = batch.block * CLUSTER_BLOCKS
+    padded = jnp.pad(pull, ((0, 0), (0, 0), (0, -pull.shape[-1] % length)))
+    clusters = padded.reshape(columns.shape[0], -1, length).sum(-1).T
+    cost = jnp.sum(fitted * (own + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
+    gradient = jnp.sum(pull, axis=(1, 2)) + off * setting.prior
+    return Look(power, cost, own + deflected, gradient, tall @ tall.T + jnp.diag(setting.prior**2), clusters)
+
+
+@eqx.filter_jit
+def _lanes(layout, vectors, setting: Setting):
+    return jax.vmap(lambda vector: predicted_errors(layout, vector, setting))(vectors)
+
+
+@eqx.filter_jit
+def _powers(e, batch):
+    return jax.vmap(lambda lane: block_power(lane, batch))(e)
+
+
+@eqx.filter_jit
+def _errors_and_columns(layout, vector, setting: Setting):
+    return error_jacobian(layout, vector, setting)
+
+
+class Joint(eqx.Module):
+    """One model structure and all recordings.
+
+    **Attributes:** `layout` (free parameters), `setting` (everything else), `fitted` (1 for the recordings that
+    parameters see, 0 for those kept aside, shape `(r,)`).
+    """
+
+    layout: tuple[Free, ...]
+    setting: Setting
+    fitted: Float[Array, " r"]
+
+    @property
+    def batch(self) -> Batch:
+        """The recordings."""
+        return self.setting.batch
+
+    def at_bandwidth(self, bandwidth: float) -> "Joint":
+        """The same, seen by an observer of `bandwidth` Hz."""
+        dt = self.batch.dt
+        gains = observer_gains(jnp.minimum(bandwidth, 0.1 / dt), dt)
+        return eqx.tree_at(lambda joint: joint.setting.gains, self, gains)
+
+    def look(self, vector: Float[Array, " q"], knee: float = 1.0) -> Look:
+        """The cost near `vector`, shape `(q,)`, with the Cauchy knee at the power `knee`."""
+        return _look(self.layout, vector, self.setting, self.fitted, jnp.asarray(knee))
+
+    def errors_and_columns(
+        self, vector: Float[Array, " q"]
+    ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
+        """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
+        return _errors_and_columns(self.layout, vector, self.setting)
+
+    def errors(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
+        """Standardised innovations of each of `vectors`, shape `(k, r, n)`, some at a time."""
+        found = []
+        for first in range(0, len(vectors), LANES):
+            some = list(vectors[first : first + LANES])
+            padded = some + [some[-1]] * (LANES - len(some))
+            stack = jnp.stack([jnp.asarray(v) for v in padded])
+            found.append(_lanes(self.layout, stack, self.setting)[: len(some)])
+        return jnp.concatenate(found)
+
+    def powers(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, "k r b"]:
+        """Block powers of the standardised innovations of each of `vectors`, shape `(k, r, b)`."""
+        return np.asarray(_powers(self.errors(vectors), self.batch))
+
+    def misfits(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, " k"]:
+        """Robust misfit per sample of the fitted recordings for each of `vectors`: 0 when every block is at the noise;
+        infinite where a trajectory is not finite."""
+        return np.array(
+            [misfit_of(power, np.asarray(self.fitted), self.batch) for power in self.powers(vectors)]
+        )
+
+    def drive(self, vector: Float[Array, " q"]) -> Drive:
+        """The `Drive` of a free vector."""
+        count = len(self.layout)
+        return unpack(self.layout, self.setting.drive, vector[:count], self.setting.start[:count])
+
+
+def losses_of(power: Float[np.ndarray, "r b"], batch: Batch, floor: float | np.ndarray = 1.0) -> np.ndarray:
+    """Log-likelihood loss of each block against the power `floor`, shape `(r, b)`; large where not finite."""
+    power = np.nan_to_num(np.asarray(power), nan=1e30, posinf=1e30)
+    return 0.5 * np.asarray(batch.block_count) * np.log((power + floor) / (2.0 * floor))
+
+
+def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -> float:
+    """Robust misfit per sample of the recordings `rows` (weights, shape `(r,)`)."""
+    if not np.all(np.isfinite(power)):
+        return float("inf")
+    samples = float(np.sum(np.asarray(batch.block_count) * rows[:, None]))
+    return float(np.sum(losses_of(power, batch) * rows[:, None])) / max(samples, 1.0)
+
+
+def _weak_prior(layout: tuple[Free, ...]) -> list[float]:
+    return [1.0 / (_PRIOR_LOG if f.parameter.transform == "log" else _PRIOR_STRENGTH) for f in layout]
+
+
+def make_joint(
+    drive: Drive,
+    batch: Batch,
+    held_out: np.ndarray,
+    *,
+    scales: dict[str, float] | None = None,
+    known_inertia: bool = False,
+) -> tuple[Joint, Float[Array, " q"]]:
+    """All recordings before the structure of `drive`, seen by the fast observer, and the vector of `drive`.
+
+    **Arguments:**
+
+    - `drive`: structure and start.
+    - `batch`: the recordings; `held_out` (bool, shape `(r,)`) tells which are kept aside.
+    - `scales`: the plant's own sizes by name, for the effects' scales.
+    - `known_inertia`: keep J.
+    """
+    dt = float(jnp.max(batch.dt))
+    layout = base_layout(drive, dt, known_inertia=known_inertia) + effect_layout(drive, scales or {})
+    recordings = batch.u.shape[0]
+    start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
+    prior = jnp.asarray(_weak_prior(layout) + [1.0 / _PRIOR_DEFLECTION] * recordings)
+    setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)
+    fitted = jnp.asarray(np.where(held_out, 0.0, 1.0))
+    return Joint(layout, setting, fitted).at_bandwidth(FAST_BANDWIDTH), start
+
+
+def extend(
+    joint: Joint, vector: Float[Array, " q"], effect: AbstractEffect, scales: dict[str, float]
+) -> tuple[Joint, Float[Array, " q"]]:
+    """`joint` with `effect` added, at the solution `vector`, and the vector of that.
+
+    Ranges, prior and observer stay, so that the same vector gives the same misfit. The parameters of the effect stand
+    before the starting deflections.
+
+    **Arguments:**
+
+    - `joint`, `vector`: the fitted model.
+    - `effect`: the effect to add, at zero strength.
+    - `scales`: the plant's own sizes by name.
+    """
+    old = len(joint.layout)
+    drive = joint.drive(vector).with_effects(effect)
+    added = effect_layout(drive, scales, first=len(drive.effects) - 1)
+    start = pack(added, drive)
+
+    def insert(values, more):
+        return jnp.concatenate([values[:old], more, values[old:]])
+
+    setting = joint.setting
+    setting = Setting(
+        drive,
+        setting.batch,
+        setting.gains,
+        setting.weight,
+        insert(setting.start, start),
+        insert(setting.prior, jnp.asarray(_weak_prior(added))),
+    )
+    return Joint(joint.layout + added, setting, joint.fitted), insert(vector, start)

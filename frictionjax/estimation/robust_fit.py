@@ -1,0 +1,94 @@
+"""Levenberg-Marquardt on the robust cost of a `Joint`: one compiled call a step, whatever the structure.
+
+The Cauchy knee comes down from the upper quantiles of the block powers to the noise: with the knee at the noise from
+the start, a regime that the model misses would be ignored. Starting deflections of recordings kept aside follow on
+their own.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.estimation.joint import Joint, Look, misfit_of
+
+_GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee, in turn
+_DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
+_LONGEST = 1.5  # in a coordinate
+
+
+class Fitted(NamedTuple):
+    """Where a descent ended: `vector`, shape `(q,)`, its `look` at the noise, its `misfit` per sample, and whether it
+    `converged`."""
+
+    vector: Float[Array, " q"]
+    look: Look
+    misfit: float
+    converged: bool
+
+
+def _step(joint: Joint, look: Look, damping: float) -> np.ndarray:
+    """Damped Gauss-Newton step; parameters and fitted deflections together, the other deflections each alone."""
+    hessian, gradient = np.asarray(look.hessian), np.asarray(look.gradient)
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12))
+    matrix = hessian / np.outer(scale, scale) + damping * np.eye(scale.size)
+    step = -np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
+    return np.clip(step, -_LONGEST, _LONGEST)
+
+
+def descend(
+    joint: Joint,
+    vector: Float[Array, " q"],
+    *,
+    graduate: bool = True,
+    steps: int = 30,
+    tolerance: float = 2e-3,
+) -> Fitted:
+    """Bring the robust misfit of `joint` down from `vector`.
+
+    **Arguments:**
+
+    - `joint`, `vector`: what to fit, and where to start.
+    - `graduate`: whether to begin with wide knees.
+    - `steps`: at most this many with the knee at the noise.
+    - `tolerance`: the descent is at rest when two steps in a row take less than this part off the misfit (or 1e-5).
+    """
+    vector = jnp.asarray(vector)
+    look = joint.look(vector)
+    if graduate:
+        scored = np.asarray(joint.batch.block_count)[np.asarray(joint.fitted) > 0] > 0
+        for quantile in _GRADUATION:
+            power = np.nan_to_num(np.asarray(look.power)[np.asarray(joint.fitted) > 0][scored], nan=1e30)
+            knee = max(float(np.quantile(power, quantile)), 1.0)
+            if knee > 1.2:
+                vector, _ = _walk(joint, vector, joint.look(vector, knee), knee, 4, 0.05)
+                look = joint.look(vector)
+    vector, (look, rested) = _walk(joint, vector, look, 1.0, steps, tolerance)
+    return Fitted(
+        vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), rested
+    )
+
+
+def _walk(joint: Joint, vector, look: Look, knee: float, steps: int, tolerance: float):
+    samples = float(np.sum(np.asarray(joint.batch.block_count) * np.asarray(joint.fitted)[:, None]))
+    aside = np.flatnonzero(np.asarray(joint.fitted) == 0.0) + len(joint.layout)
+    damping, still = _DAMPING, 0
+    for _ in range(steps):
+        if not np.all(np.isfinite(np.asarray(look.hessian))):
+            return vector, (look, False)
+        tried = np.asarray(vector) + _step(joint, look, damping)
+        tried[aside] = np.clip(tried[aside], -1.0, 1.0)
+        seen = joint.look(jnp.asarray(tried), knee)
+        cost, new = float(look.cost), float(seen.cost)
+        if np.isfinite(new) and new < cost:
+            gained = (cost - new) / samples
+            vector, look, damping = jnp.asarray(tried), seen, max(damping / 5.0, _LEAST)
+            still = still + 1 if gained < max(1e-5, tolerance * cost / samples) else 0
+            if still >= 2:
+                return vector, (look, True)
+        else:
+            damping *= 8.0
+            if damping > _MOST:
+                return vector, (look, True)
+    return vector, (look, False)

@@ -1,0 +1,65 @@
+"""A second inertia behind a gap."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractLoadEffect, LoadSide
+
+
+class Backlash(AbstractLoadEffect):
+    """Part of the inertia sits behind a gap, with a spring and a damper in contact: J1 + J2 = J, J2 = ratio J.
+
+    **Arguments:**
+
+    - `ratio`: J2/J.
+    - `gap`: free way from contact to contact, position units.
+    - `frequency`: of the load in contact with the motor blocked, Hz.
+    - `damping`: damping ratio of the same.
+    """
+
+    ratio: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    gap: Float[Array, "..."] = eqx.field(converter=real, default=1e-4)
+    frequency: Float[Array, "..."] = eqx.field(converter=real, default=50.0)
+    damping: Float[Array, "..."] = eqx.field(converter=real, default=0.1)
+
+    name: ClassVar[str] = "backlash"
+    about: ClassVar[About] = About(
+        sentence="a second inertia behind a gap (backlash)",
+        equation="J2 x2'' = k dz(x1 - x2) + c (x1' - x2') in contact, dz(d) = d beyond half the gap, else 0",
+        shows="after reversals: less inertia while the gap is crossed, then a blow",
+        confused_with=("flexible_transmission",),
+        split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
+        needs=("both directions",),
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("ratio", "1", "load inertia over the whole", lower=0.0, upper=0.9, probes=(0.02, 0.3)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "gap", "{position}", "way from contact to contact", "log", scale="zs", grid=(1.0, 5.0, 25.0)
+        ),
+        Parameter(
+            "frequency",
+            "Hz",
+            "antiresonance in contact",
+            "log",
+            lower=3.0,
+            upper=400.0,
+            grid=(30.0, 80.0),
+        ),
+        Parameter("damping", "1", "damping ratio in contact", "log", lower=1e-3, upper=1.0, grid=(0.1,)),
+    )
+
+    def load_side(self) -> LoadSide:
+        circular = 2.0 * jnp.pi * self.frequency
+        return LoadSide(
+            ratio=self.ratio,
+            stiffness=circular * circular,
+            damping=2.0 * self.damping * circular,
+            half_gap=0.5 * self.gap,
+        )

@@ -1,0 +1,45 @@
+"""Periodic error of the position sensor: sub-divisional error of an interpolated encoder, eccentricity."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractSensorEffect
+
+
+class EncoderError(AbstractSensorEffect):
+    """x -> x + sine sin(2 pi x/period) + cosine cos(2 pi x/period) is measured.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: amplitudes, position units.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = "encoder_error"
+    about: ClassVar[About] = About(
+        sentence="a periodic error of the position measurement (interpolation, eccentricity)",
+        equation="x -> x + sine sin(2 pi x/period) + cosine cos(2 pi x/period) is measured",
+        shows="a wave of constant height in position: as a force it grows with the square of speed",
+        confused_with=("ripple", "torque_ripple"),
+        split_by="the same stroke at two speeds: an error of position stays, a force weighs less when fast",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sine", "{position}", "sine amplitude", scale="step", probes=(1.0,)),
+        Parameter("cosine", "{position}", "cosine amplitude", scale="step", probes=(1.0,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("period", "{position}", "period of the error", "log", scale="sensor_period", grid="period"),
+    )
+
+    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * position / self.period
+        return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

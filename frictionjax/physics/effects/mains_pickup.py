@@ -1,0 +1,43 @@
+"""Mains frequency in the position signal."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractSensorEffect
+
+
+class MainsPickup(AbstractSensorEffect):
+    """x + sine sin(2 pi frequency t) + cosine cos(2 pi frequency t) is measured.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: amplitudes, position units.
+    - `frequency`: Hz (not fitted).
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    frequency: Float[Array, "..."] = eqx.field(converter=real, default=50.0)
+
+    name: ClassVar[str] = "mains_pickup"
+    about: ClassVar[About] = About(
+        sentence="mains frequency in the position signal",
+        equation="x + sine sin(2 pi frequency t) + cosine cos(2 pi frequency t) is measured",
+        shows="a line at 50 or 60 Hz, also at rest and whatever the input",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sine", "{position}", "sine amplitude", scale="step", probes=(1.0,)),
+        Parameter("cosine", "{position}", "cosine amplitude", scale="step", probes=(1.0,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("frequency", "Hz", "mains frequency", "none", grid=(50.0, 60.0)),
+    )
+
+    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * self.frequency * t
+        return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

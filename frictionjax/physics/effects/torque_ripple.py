@@ -1,0 +1,48 @@
+"""Motor constant that is periodic in position: torque ripple."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
+from frictionjax.physics.lugre import LuGre
+
+
+class TorqueRipple(AbstractForceEffect):
+    """J x'' = km u (1 + sine sin(2 pi x/period) + cosine cos(2 pi x/period)) - F.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: relative change of the motor constant.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = "torque_ripple"
+    about: ClassVar[About] = About(
+        sentence="a motor constant periodic in position (torque ripple)",
+        equation="J x'' = km u (1 + sine sin(2 pi x/period) + cosine cos(2 pi x/period)) - F",
+        shows="a wave along the stroke that grows with the input",
+        confused_with=("ripple", "position_dependence", "warmup"),
+        split_by="moves over several periods with different accelerations: it goes with the input, not with friction",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sine", "1", "sine part", lower=-0.9, upper=0.9, probes=(0.02,)),
+        Parameter("cosine", "1", "cosine part", lower=-0.9, upper=0.9, probes=(0.02,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "period", "{position}", "period along the stroke", "log", scale="even_period", grid="period"
+        ),
+    )
+
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * now.x / self.period
+        return -now.push * (self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle))

@@ -1,0 +1,44 @@
+"""A second inertia behind a coupling, and states that relax: what the schemes share beside the bristles.
+
+d = x2 - x1,  w = d',   x2'' = a2(d, w) = -K dz(d) - C w (in contact),   x1'' = f/J1 - (J2/J1) a2
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.physics import Drive
+
+
+def relaxed(
+    hidden: Float[Array, " m"],
+    source: Float[Array, " m"],
+    rate: Float[Array, " m"],
+    h: Float[Array, ""],
+) -> Float[Array, " m"]:
+    """States `hidden` after `h` s of h' = source - rate h: exact for a `source` and `rate` (1/s) that last."""
+    path = rate * h
+    small = path < 1e-6
+    kept = jnp.where(small, 1.0 - 0.5 * path, -jnp.expm1(-path) / jnp.where(small, 1.0, path))
+    return hidden + (source - rate * hidden) * h * kept
+
+
+def contact(drive: Drive, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Acceleration of the second inertia of `drive` in the state `load` (d, w), and whether it touches (1 or 0)."""
+    side = drive.load_side
+    assert side is not None
+    beyond = load[0] - jnp.clip(load[0], -side.half_gap, side.half_gap)
+    touches = jnp.where(jnp.abs(load[0]) >= side.half_gap, 1.0, 0.0)
+    return -side.stiffness * beyond - side.damping * load[1] * touches, touches
+
+
+def two_inertias(
+    drive: Drive, force: Float[Array, ""], load: Float[Array, " m"]
+) -> tuple[Float[Array, ""], Float[Array, " m"]]:
+    """Acceleration of the motor under the `force` that motor and friction leave, and rates of the `load` states (d, w),
+    of shape `(2,)`; `(0,)` where there is no second inertia."""
+    side = drive.load_side
+    if side is None:
+        return force / drive.J, load
+    a2, _ = contact(drive, load)
+    a1 = (force / drive.J - side.ratio * a2) / (1.0 - side.ratio)
+    return a1, jnp.stack([load[1], a2 - a1])
