@@ -57,8 +57,8 @@ def fit_base(
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model` with standard errors by the clustered sandwich; `units` maps
     force, position, input to unit names."""
-    joint, (vector, look, *_) = model.joint, model.fitted
-    hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
+    joint, vector = model.joint, model.fitted.vector
+    hessian, clusters = (np.asarray(part) for part in joint.normal_equations(vector))
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
     else:

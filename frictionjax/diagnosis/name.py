@@ -7,6 +7,7 @@ linear gain can be a mirage), and the clustered score test gives the p-value. On
 """
 
 import itertools
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
-from frictionjax.estimation.joint import CLUSTER_BLOCKS, LANES, Joint, extend, misfit_of
+from frictionjax.estimation.joint import LANES, Joint, extend, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power
 from frictionjax.physics.effects import AbstractEffect
@@ -26,7 +27,6 @@ from frictionjax.simulation.ros2 import State
 
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
-_SIMULATED = 2  # tests of a form whose one-step estimates are simulated: those that promise most
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
 
 
@@ -50,31 +50,44 @@ class Trial(eqx.Module):
     detectable: dict[str, float] = eqx.field(static=True)
 
 
-class Present(eqx.Module):
-    """The model to which effects are added.
+class _Weighing(eqx.Module):
+    """What the regressions of all effects share: a weight of each sample `(r, n)`, the weighted Jacobian `(q, m)`, its
+    Gram matrix with the prior `(q, q)`, its product with the innovations `(q,)`, and that of each cluster `(c, q)`."""
 
-    **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `jacobian` (`(q, r, n)`; zero in
-    recordings kept aside), `weights` (of each sample, one array for each knee), `misfit`, `motion` (the states that it
-    observed, arrays of shape `(r, n, ...)`).
+    weight: Float[Array, "r n"]
+    base: Float[Array, "q m"]
+    gram: np.ndarray
+    right: np.ndarray
+    clusters: np.ndarray
+
+
+class Present(eqx.Module):
+    """The model to which effects are added, before the fitted recordings alone.
+
+    **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `weighings` (one for each knee),
+    `misfit`, `motion` (the states that it observed, arrays of shape `(r, n, ...)`).
     """
 
     joint: Joint
     vector: Float[Array, " q"]
     e: Float[Array, "r n"]
-    jacobian: Float[Array, "q r n"]
-    weights: tuple[Float[Array, "r n"], ...]
+    weighings: tuple[_Weighing, ...]
     misfit: float
     motion: State
 
-    def injected(self, joint: Joint, vectors: list) -> Float[Array, "k r n"]:
-        """Standardised innovations for `vectors` of this model with one more effect (`joint`), whose signals along the
-        observed motion are injected; shape `(k, r, n)`."""
-        old, more = len(self.joint.layout), len(joint.layout)
-        found = []
+    def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
+        """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
+        whose signals along the observed motion are injected; shape `(k, r, n)`."""
+        old, more = len(self.joint.layout), len(joints[0].layout)
+        drive, found = self.joint.drive(self.vector), []
         for first in range(0, len(vectors), LANES):
-            some = list(vectors[first : first + LANES])
-            stack = jnp.stack(some + [some[-1]] * (LANES - len(some)))
-            signals = _signals(joint.layout, stack, joint.setting, self.joint.drive(self.vector), self.motion)
+            some = list(zip(joints, vectors, strict=True))[first : first + LANES]
+            padded = some + [some[-1]] * (LANES - len(some))
+            stack = jnp.stack([vector for _, vector in padded])
+            # Nuisances that are not free are numbers of the drive: each lane has its own.
+            effects = [joint.setting.drive.effects[-1] for joint, _ in padded]
+            lanes = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
+            signals = _signals(joints[0].layout, stack, joints[0].setting, lanes, drive, self.motion)
             own = jnp.concatenate([stack[:, :old], stack[:, more:]], axis=1)
             found.append(_injected_lanes(self.joint.layout, own, self.joint.setting, signals)[: len(some)])
         return jnp.concatenate(found)
@@ -102,16 +115,17 @@ def _motion(drive, deflection, batch, gains):
 
 
 @eqx.filter_jit
-def _signals(layout, vectors, setting, drive, motion):
+def _signals(layout, vectors, setting, effects, drive, motion):
     batch, count = setting.batch, len(layout)
 
-    def lane(vector):
-        effect = unpack(layout, setting.drive, vector[:count], setting.start[:count]).effects[-1]
+    def lane(vector, effect):
+        template = eqx.tree_at(lambda d: d.effects[-1], setting.drive, effect)
+        effect = unpack(layout, template, vector[:count], setting.start[:count]).effects[-1]
         return jax.vmap(lambda *own: signals_along(drive, effect, *own))(
             motion, batch.u, batch.dt, batch.before
         )
 
-    return jax.vmap(lane)(vectors)
+    return jax.vmap(lane)(vectors, effects)
 
 
 @eqx.filter_jit
@@ -148,22 +162,30 @@ def _lane_powers(e, batch):
 
 
 @eqx.filter_jit
-def _weight(power, knee, batch, fitted):
-    weight = 1.0 / (power + knee)
-    return jnp.repeat(weight, batch.block, axis=-1) * batch.valid * fitted[:, None]
+def _weighing(power, knee, e, jacobian, setting):
+    batch = setting.batch
+    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
+    weighted = jacobian * weight[None]
+    base = weighted.reshape(jacobian.shape[0], -1)
+    gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + jnp.diag(setting.prior**2)
+    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * e[None], batch.block)
 
 
 def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
-    """The fitted model, ready for tests."""
+    """The fitted model before its fitted recordings, ready for tests."""
+    joint, vector = joint.of_fitted(vector)
     e, jacobian = joint.errors_and_columns(vector)
-    power = np.asarray(joint.powers([vector])[0])
-    used = power[(np.asarray(joint.batch.block_count) > 0) & (np.asarray(joint.fitted)[:, None] > 0)]
+    power = np.asarray(block_power(e, joint.batch))
+    used = power[np.asarray(joint.batch.block_count) > 0]
     knees = dict.fromkeys((1.0, max(float(np.quantile(used, 0.7)), 1.0)))
-    weights = tuple(_weight(jnp.asarray(power), jnp.asarray(k), joint.batch, joint.fitted) for k in knees)
-    misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
+    weighings = []
+    for knee in knees:
+        weight, base, *small = _weighing(jnp.asarray(power), jnp.asarray(knee), e, jacobian, joint.setting)
+        weighings.append(_Weighing(weight, base, *(np.asarray(part) for part in small)))
     gains, count = joint.setting.gains, len(joint.layout)
-    motion = _motion(joint.drive(vector), jnp.asarray(vector)[count:], joint.batch, gains)
-    return Present(joint, jnp.asarray(vector), e, jacobian, weights, misfit, motion)
+    motion = _motion(joint.drive(vector), vector[count:], joint.batch, gains)
+    misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
+    return Present(joint, vector, e, tuple(weighings), misfit, motion)
 
 
 def forms_to_try(
@@ -188,32 +210,39 @@ def forms_to_try(
 
 
 @eqx.filter_jit
-def _regress(e, base, columns, weight, prior, block):
-    """Normal equations of the innovations on [base, columns], and cluster gradients of the projected columns."""
-    design = jnp.concatenate([base, columns])
-    weighted = design * weight[None]
-    gram = jnp.einsum("irn,jrn->ij", weighted, design)
-    right = jnp.einsum("irn,rn->i", weighted, e)
-    count = base.shape[0]
-    own = gram[:count, :count] + jnp.diag(prior**2)
-    coefficients = jnp.linalg.solve(own, gram[:count, count:])
-    projected = columns - jnp.einsum("ij,irn->jrn", coefficients, base)
-    product = projected * (e * weight)[None]
-    length = block * CLUSTER_BLOCKS
-    product = jnp.pad(product, ((0, 0), (0, 0), (0, -product.shape[-1] % length)))
-    return gram, right, product.reshape(columns.shape[0], -1, length).sum(-1).T
+def _against(e, columns, weight, base, block):
+    """Products of finite-step columns, shape `(k, r, n)`, with the base, with each other and with the innovations, and
+    the last for each cluster."""
+    weighted = columns * weight[None]
+    flat = columns.reshape(columns.shape[0], -1)
+    return (
+        base @ flat.T,
+        weighted.reshape(columns.shape[0], -1) @ flat.T,
+        weighted.reshape(columns.shape[0], -1) @ e.ravel(),
+        sum_clusters(weighted * e[None], block),
+    )
 
 
-class _Promise(eqx.Module):
+class _Promise(NamedTuple):
     """What the regression on one finite step promises."""
 
     form: AbstractEffect
     joint: Joint
-    where: tuple[int, ...] = eqx.field(static=True)
+    where: tuple[int, ...]
     candidates: list
     linear_gain: float
     p_value: float
     spread: np.ndarray
+
+
+class _Probe(NamedTuple):
+    """One finite step: where in the layout, and how far in each of these."""
+
+    form: AbstractEffect
+    joint: Joint
+    vector: Array
+    where: tuple[int, ...]
+    sizes: tuple[float, ...]
 
 
 def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Trial]:
@@ -229,92 +258,115 @@ def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str
 
     One `Trial` per instance and finite step. Only the steps that promise most are simulated; the others have no gain.
     """
-    promises = [promise for instance in instances for promise in _promises(present, instance, scales)]
-    promises.sort(key=lambda promise: -promise.linear_gain)
-    return [
-        _simulated(present, promise) if rank < _SIMULATED else _unsimulated(promise)
-        for rank, promise in enumerate(promises)
+    probes = [probe for instance in instances for probe in _probes(present, instance, scales)]
+    if not probes:
+        return []
+    stepped = [
+        (probe.joint, probe.vector.at[i].add(size))
+        for probe in probes
+        for i, size in zip(probe.where, probe.sizes, strict=True)
     ]
+    changes = present.injected([joint for joint, _ in stepped], [v for _, v in stepped]) - present.e[None]
+    sizes = jnp.asarray([size for probe in probes for size in probe.sizes])
+    columns = changes / sizes[:, None, None]
+    thrown = np.sqrt(np.asarray(jnp.mean(changes**2, axis=(1, 2))))
+    typical = float(jnp.sqrt(jnp.mean(present.e**2)))
+    good = np.isfinite(thrown) & (thrown < _THROWN * typical)
+    # A step through a break-away event can throw the trajectory: such a column says nothing about a small effect.
+    columns = jnp.where(jnp.asarray(good)[:, None, None], columns, 0.0)
+    block = present.joint.batch.block
+    products = [
+        [np.asarray(part) for part in _against(present.e, columns, w.weight, w.base, block)]
+        for w in present.weighings
+    ]
+    promises, first = [], 0
+    for probe in probes:
+        own = slice(first, first + len(probe.where))
+        first += len(probe.where)
+        if np.all(good[own]):
+            promises.append(_promise(present, probe, [_part(product, own) for product in products]))
+    promises.sort(key=lambda promise: -promise.linear_gain)
+    return _simulated(present, promises)
 
 
-def _promises(present: Present, instance: AbstractEffect, scales) -> list[_Promise]:
+def _part(product, own: slice):
+    cross, gram, right, clusters = product
+    return cross[:, own], gram[own, own], right[own], clusters[:, own]
+
+
+def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
     joint, vector = extend(present.joint, present.vector, instance, scales)
-    old = len(present.joint.layout)
     names = [strength.name for strength in instance.strengths]
-    where = [i for i in range(old, len(joint.layout)) if joint.layout[i].parameter.name in names]
+    where = [
+        i
+        for i in range(len(present.joint.layout), len(joint.layout))
+        if joint.layout[i].parameter.name in names
+    ]
     strengths = [joint.layout[i].parameter for i in where]
     if len(where) == 1:
-        probes = [[(where[0], size)] for size in strengths[0].probes]
+        steps = [((where[0],), (size,)) for size in strengths[0].probes]
     else:
-        probes = [[(i, p.probes[0]) for i, p in zip(where, strengths, strict=True)]]
-    stepped = [vector.at[i].add(size) for probe in probes for i, size in probe]
-    sizes = jnp.asarray([size for probe in probes for _, size in probe])
-    changes = present.injected(joint, stepped) - present.e[None]
-    columns = changes / sizes[:, None, None] * joint.fitted[None, :, None]
-    found, first = [], 0
-    typical = float(jnp.sqrt(jnp.mean(present.e**2)))
-    for probe in probes:
-        own = slice(first, first + len(probe))
-        first += len(probe)
-        # A step through a break-away event can throw the trajectory: such a column says nothing about a small effect.
-        thrown = float(jnp.sqrt(jnp.mean(changes[own] ** 2)))
-        if np.isfinite(thrown) and thrown < _THROWN * typical:
-            found.append(_promise(present, instance, joint, vector, tuple(i for i, _ in probe), columns[own]))
-    return found
+        steps = [(tuple(where), tuple(p.probes[0] for p in strengths))]
+    return [_Probe(instance, joint, vector, *step) for step in steps]
 
 
-def _promise(present: Present, instance, joint: Joint, vector, where, columns) -> _Promise:
-    old, count = len(present.joint.layout), len(joint.layout)
+def _promise(present: Present, probe: _Probe, products) -> _Promise:
+    joint, vector, where = probe.joint, probe.vector, probe.where
+    old, count, size = len(present.joint.layout), len(joint.layout), len(probe.where)
     recordings = vector.shape[0] - count
-    prior = present.joint.setting.prior
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
-    candidates, linear, p_value, base = [], 0.0, 1.0, old + recordings
-    spread = np.full(len(where), np.inf)
-    for number, weight in enumerate(present.weights):
-        gram, right, gradients = (
-            np.asarray(a)
-            for a in _regress(present.e, present.jacobian, columns, weight, prior, joint.batch.block)
-        )
-        if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(right))):
+    candidates, linear, p_value = [], 0.0, 1.0
+    spread = np.full(size, np.inf)
+    for number, (weighing, product) in enumerate(zip(present.weighings, products, strict=True)):
+        cross, own, right, clusters = product
+        gram = np.block([[weighing.gram, cross], [cross.T, own + 1e-12 * np.eye(size)]])
+        whole = np.concatenate([weighing.right, right])
+        if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(whole))):
             continue
-        ridge = np.concatenate([np.asarray(prior) ** 2, np.full(len(where), 1e-12)])
-        step = -np.linalg.lstsq(gram + np.diag(ridge), right, rcond=None)[0]
-        without = -np.linalg.lstsq(gram[:base, :base] + np.diag(ridge[:base]), right[:base], rcond=None)[0]
-        samples = max(float(jnp.sum(weight > 0)), 1.0)
-        linear = max(linear, float(-(right @ step) + right[:base] @ without) / samples)
+        step = -np.linalg.lstsq(gram, whole, rcond=None)[0]
+        without = -np.linalg.lstsq(weighing.gram, weighing.right, rcond=None)[0]
+        samples = max(float(jnp.sum(present.joint.batch.valid)), 1.0)
+        linear = max(linear, float(-(whole @ step) + weighing.right @ without) / samples)
         for damping in _DAMPING:
             change = np.zeros(vector.shape[0])
             change[position] = damping * np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
             candidates.append(vector + jnp.asarray(change))
         if number == 0:
-            p_value = _score_test(gradients)
-            if len(where) == 1 and joint.layout[where[0]].parameter.lower == 0.0:
+            coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]
+            projected = clusters - weighing.clusters @ coefficients
+            p_value = _score_test(projected)
+            if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
                 # A strength that cannot be negative is tested on its own side.
                 p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value
-            information = np.linalg.pinv(gram + np.diag(ridge), hermitian=True)[base:, base:]
-            spread = np.sqrt(np.diag(information @ (gradients.T @ gradients) @ information))
-    return _Promise(instance, joint, where, candidates, linear, p_value, spread)
+            information = np.linalg.pinv(gram, hermitian=True)[-size:, -size:]
+            spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
+    return _Promise(probe.form, joint, where, candidates, linear, p_value, spread)
 
 
-def _simulated(present: Present, promise: _Promise) -> Trial:
-    if not promise.candidates:
-        return _unsimulated(promise)
-    powers = np.asarray(
-        _lane_powers(present.injected(promise.joint, promise.candidates), promise.joint.batch)
-    )
-    fitted = np.asarray(promise.joint.fitted)
-    values = [misfit_of(power, fitted, promise.joint.batch) for power in powers]
-    best = int(np.argmin(values))
-    return _trial(promise, promise.candidates[best], present.misfit - float(values[best]))
+def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
+    """The trials; of the promise that comes first every candidate is simulated, of the second the undamped ones."""
+    chosen = [
+        (rank, vector)
+        for rank, promise in enumerate(promises[:2])
+        for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
+    ]
+    best: dict[int, tuple[float, Array]] = {}
+    if chosen:
+        errors = present.injected([promises[rank].joint for rank, _ in chosen], [v for _, v in chosen])
+        powers = np.asarray(_lane_powers(errors, present.joint.batch))
+        fitted = np.asarray(present.joint.fitted)
+        for (rank, vector), power in zip(chosen, powers, strict=True):
+            gain = present.misfit - misfit_of(power, fitted, present.joint.batch)
+            if rank not in best or gain > best[rank][0]:
+                best[rank] = gain, vector
+    return [
+        _trial(promise, *best.get(rank, (-np.inf, promise.joint.setting.start)))
+        for rank, promise in enumerate(promises)
+    ]
 
 
-def _unsimulated(promise: _Promise) -> Trial:
-    vector = promise.candidates[0] if promise.candidates else promise.joint.setting.start
-    return _trial(promise, vector, -np.inf)
-
-
-def _trial(promise: _Promise, vector, gain: float) -> Trial:
+def _trial(promise: _Promise, gain: float, vector) -> Trial:
     free = [promise.joint.layout[i] for i in promise.where]
     values = np.asarray(vector)
     return Trial(

@@ -1,14 +1,18 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
+from concurrent.futures import Executor
+
 import equinox as eqx
 import numpy as np
 
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, Joint
+from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
 
-_LEFT = 0.5  # part of the present misfit: a refit that leaves more of it gets a second start
+_LEFT = 0.5  # part of the present misfit: when all refits leave more of it, they get a second start
+_FAR = 0.1  # misfit of a model that may sit in a wrong minimum
+_NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -95,31 +99,59 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
     return kept + [t for t in linear if t not in kept and np.isfinite(t.gain)]
 
 
-def refit(trial: Trial, present_misfit: float) -> Refitted:
-    """Refit one trial from its one-step estimate: fast observer, then slow; then judge it.
+def refit_all(
+    trials: list[Trial], model: Model, scales: dict[str, float], executor: Executor
+) -> list[Refitted]:
+    """Refit `trials`, each an effect beside those of `model`, from their one-step estimates: all with the fast
+    observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
-    look refuted. One that leaves most of `present_misfit` is fitted again, from where the base fit began.
+    look refuted. Where the best leaves most of the misfit of `model`, all are fitted again from where the base fit
+    began.
+
+    **Arguments:**
+
+    - `trials`: the short list.
+    - `model`: the model without them.
+    - `scales`: the plant's sizes.
+    - `executor`: runs them side by side.
     """
-    best = _converged(trial.joint, trial.vector, graduate=False)
-    if best.misfit > _LEFT * present_misfit:
-        again = _converged(trial.joint, trial.joint.setting.start, graduate=True)
-        best = min(best, again, key=lambda fitted: fitted.misfit)
-    return _refitted(trial, best)
+    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
 
+    def begin(trial: Trial) -> tuple[Joint, Fitted]:
+        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+        vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
+        return joint, descend(joint, vector, graduate=False, steps=12, tolerance=0.03)
 
-def _refitted(trial: Trial, fitted: Fitted) -> Refitted:
-    slow = trial.joint.at_bandwidth(SLOW_BANDWIDTH)
-    return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
+    def again(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
+        joint, found = begun
+        other = descend(joint, joint.setting.start, steps=12, tolerance=0.03)
+        return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
+    def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
+        trial, (joint, found) = pair
+        slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+        fitted = descend(slow, found.vector, graduate=False, steps=15, tolerance=0.01)
+        return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
 
-def _converged(joint: Joint, vector, *, graduate: bool) -> Fitted:
-    """After a descent with the fast observer, then with the slow one."""
-    fast = descend(joint, vector, graduate=graduate, steps=12, tolerance=0.05)
-    return descend(joint.at_bandwidth(SLOW_BANDWIDTH), fast.vector, graduate=False, steps=15, tolerance=0.01)
+    if not trials:
+        return []
+    present = float(fast.misfits([model.fitted.vector])[0])
+    begun = list(executor.map(begin, trials))
+    if min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR:
+        begun = list(executor.map(again, begun))
+    gains = np.array([present - found.misfit for _, found in begun])
+    near = [
+        pair
+        for pair, gain in zip(zip(trials, begun, strict=True), gains, strict=True)
+        if gain > _NEAR * gains.max()
+    ]
+    return list(executor.map(finish, near))
 
 
 def polish(candidate: Refitted) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    return _refitted(candidate.trial, descend(model.joint, model.fitted.vector, graduate=False, steps=25))
+    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
+    return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))

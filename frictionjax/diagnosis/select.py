@@ -10,7 +10,7 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
 from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, present_model, try_form
-from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit, short_list
+from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit_all, short_list
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
 from frictionjax.estimation.robust_fit import descend
@@ -60,9 +60,9 @@ def try_catalogue(
     """Every form of every effect of the catalogue, except those in the model and those `without`, at every point of its
     grid."""
     present = present_model(model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector)
-    batch = model.joint.batch
+    batch = present.joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
-    e = np.nan_to_num(np.asarray(present.e)) * np.asarray(present.joint.fitted)[:, None]
+    e = np.nan_to_num(np.asarray(present.e))
     periods = {
         "odd_period": wavelengths(e, speed, batch, odd=True),
         "even_period": wavelengths(e, speed, batch, odd=False),
@@ -129,8 +129,7 @@ def select(
         far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
         chosen = short_list(trials, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
-        misfit = model.fitted.misfit
-        refits = list(executor.map(lambda trial, now=misfit: refit(trial, now), chosen))
+        refits = refit_all(chosen, model, scales, executor)
         model = _better_base(model, refits)
         ones = np.ones((1, 1))
         refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, ones).worth)

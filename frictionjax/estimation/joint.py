@@ -34,16 +34,13 @@ class Look(eqx.Module):
     """One vector before all recordings.
 
     **Attributes:** `power` (mean square of the standardised innovations in each block, `(r, b)`), `cost` (at the knee,
-    of the fitted recordings and the prior), `own` (of each recording, `(r,)`), `gradient` `(q,)`, `hessian` `(q, q)`,
-    `clusters` (gradient of each cluster of 0.5 s, `(c, q)`).
+    of the fitted recordings and the prior), `gradient` `(q,)`, `hessian` `(q, q)`.
     """
 
     power: Float[Array, "r b"]
     cost: Float[Array, ""]
-    own: Float[Array, " r"]
     gradient: Float[Array, " q"]
     hessian: Float[Array, "q q"]
-    clusters: Float[Array, "c q"]
 
 
 def _cost(power, knee, batch):
@@ -64,17 +61,29 @@ def _look(layout, vector, setting: Setting, fitted, knee) -> Look:
     columns = columns.at[:count].multiply(fitted[None, :, None])
     power = block_power(e, batch)
     weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
-    own = _cost(power, knee, batch)
     off, deflected = _own_prior(vector, setting, recordings)
-    pull = columns * (e * weight)[None]
-    root = jnp.sqrt(weight)
-    tall = (columns * root[None]).reshape(columns.shape[0], -1)
-    length = batch.block * CLUSTER_BLOCKS
-    padded = jnp.pad(pull, ((0, 0), (0, 0), (0, -pull.shape[-1] % length)))
-    clusters = padded.reshape(columns.shape[0], -1, length).sum(-1).T
-    cost = jnp.sum(fitted * (own + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
-    gradient = jnp.sum(pull, axis=(1, 2)) + off * setting.prior
-    return Look(power, cost, own + deflected, gradient, tall @ tall.T + jnp.diag(setting.prior**2), clusters)
+    # Two passes through the columns, no more: they are what takes the time beside the simulation.
+    flat = columns.reshape(columns.shape[0], -1)
+    weighted = flat * weight.ravel()
+    cost = jnp.sum(fitted * (_cost(power, knee, batch) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
+    gradient = weighted @ e.ravel() + off * setting.prior
+    return Look(power, cost, gradient, weighted @ flat.T + jnp.diag(setting.prior**2))
+
+
+@eqx.filter_jit
+def _products(e, columns, setting: Setting, fitted):
+    power = block_power(e, setting.batch)
+    weight = jnp.repeat(1.0 / (power + 1.0), setting.batch.block, axis=-1) * setting.batch.valid
+    weighted = columns * (weight * fitted[:, None])[None]
+    hessian = jnp.einsum("irn,jrn->ij", weighted, columns) + jnp.diag(setting.prior**2)
+    return hessian, sum_clusters(weighted * e[None], setting.batch.block)
+
+
+def sum_clusters(values: Float[Array, "q r n"], block: int) -> Float[Array, "c q"]:
+    """Sums of `values` over clusters of 0.5 s (`CLUSTER_BLOCKS` blocks of `block` samples)."""
+    length = block * CLUSTER_BLOCKS
+    padded = jnp.pad(values, ((0, 0), (0, 0), (0, -values.shape[-1] % length)))
+    return padded.reshape(values.shape[0], -1, length).sum(-1).T
 
 
 @eqx.filter_jit
@@ -123,6 +132,20 @@ class Joint(eqx.Module):
     ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
         """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
         return _errors_and_columns(self.layout, vector, self.setting)
+
+    def normal_equations(self, vector: Float[Array, " q"]) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
+        """Gauss-Newton matrix with the prior at `vector`, and the gradient of each cluster of 0.5 s; fitted recordings."""
+        return _products(*self.errors_and_columns(vector), self.setting, self.fitted)
+
+    def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Joint", Float[Array, " q"]]:
+        """The fitted recordings alone, and what is left of `vector`."""
+        rows = np.flatnonzero(np.asarray(self.fitted) > 0)
+        count, setting = len(self.layout), self.setting
+        kept = np.concatenate([np.arange(count), count + rows])
+        batch = jax.tree.map(lambda leaf: leaf[rows], setting.batch)
+        gains = jax.tree.map(lambda leaf: leaf[rows], setting.gains)
+        setting = Setting(setting.drive, batch, gains, batch.valid, setting.start[kept], setting.prior[kept])
+        return Joint(self.layout, setting, self.fitted[rows]), jnp.asarray(vector)[kept]
 
     def errors(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
         """Standardised innovations of each of `vectors`, shape `(k, r, n)`, some at a time."""

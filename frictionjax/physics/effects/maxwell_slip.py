@@ -31,7 +31,7 @@ class MaxwellSlip(AbstractBristleEffect):
     skew: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
     # Sixteen lie as close to a continuous distribution as the data can tell, and fill the vector units.
-    count: ClassVar[int] = 16
+    count: ClassVar[int] = 8
     name: ClassVar[str] = "maxwell_slip"
     about: ClassVar[About] = About(
         sentence="presliding hysteresis with non-local memory (Maxwell slip)",
