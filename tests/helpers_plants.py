@@ -1,6 +1,7 @@
 """Plants with known parameters, and every form of every effect: what the physics is tested on."""
 
 from frictionjax.physics import Drive, LuGre, catalogue
+from frictionjax.physics.effects.base import AbstractLoadEffect, AbstractSensorEffect
 
 TABLE_I = Drive(J=1.0, friction=LuGre(sigma0=1e5, sigma1=1e5**0.5, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3))
 """A unit mass with the parameters of Table I, as in Canudas de Wit et al. (1995): N, m, s."""
@@ -29,7 +30,8 @@ NUISANCES = {
     "TorqueRipple": {"period": 4e-4},
     "EncoderError": {"period": 4e-4},
     "DwellStrengthening": {"length": 1.5e-5},
-    "WarmupByHeat": {"distance": 0.1},
+    "WarmupByHeat": {"distance": 0.02, "time_constant": 1.5},
+    "WarmupByTime": {"time_constant": 1.5},
     "HardSaturation": {"largest": 3.75},
     "Backlash": {"gap": 1e-4},
 }
@@ -51,8 +53,62 @@ SMALL = {
 }
 """A small value of the strengths of a form, for scale, on a plant of the size of Table I; 0.01 for those left out."""
 
+SENSORS = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractSensorEffect))
+"""Forms that change what is measured, not how the machine moves."""
+
+LOADS = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractLoadEffect))
+"""Forms with an inertia of their own, of which a drive takes one."""
+
 STRENGTHS = [(name, parameter.name) for name, form in FORMS.items() for parameter in form.strengths]
 """Every strength of every form."""
+
+
+LARGE = {
+    "Backlash": (0.3,),
+    "ConstantLoad": (0.2,),
+    "Creep": (2.5,),
+    "LogarithmicCreep": (0.5,),
+    "Delay": (0.7e-3,),
+    "DirectionAsymmetry": (0.1,),
+    "ViscousAsymmetry": (0.5,),
+    "DriveDeadzone": (0.3,),
+    "DriveLag": (1e-3,),
+    "SoftSaturation": (0.03,),
+    "HardSaturation": (0.3,),
+    "DwellStrengthening": (0.1,),
+    "SaturatingStrengthening": (0.4,),
+    "ElastoPlastic": (0.8,),
+    "EncoderError": (3e-7, -2e-7),
+    "FlexibleTransmission": (0.3,),
+    "FrictionLag": (2e-3,),
+    "GravityPendulum": (50.0, 0.2),
+    "LoadDependence": (0.15,),
+    "MainsPickup": (3e-7, -2e-7),
+    "MaxwellSlip": (0.0,),
+    "SharpYield": (1.5,),
+    "MicroDamping": (0.8,),
+    "NonlinearBristle": (0.6,),
+    "PositionDependence": (0.3, -0.2),
+    "PeriodicPositionDependence": (0.2, 0.2),
+    "QuadraticDrag": (1e3,),
+    "CubicDrag": (3e4,),
+    "ReturnSpring": (3e3,),
+    "Ripple": (0.1, 0.1),
+    "SensorLag": (1e-3,),
+    "LorentzianStribeck": (0.8,),
+    "StribeckShape": (-0.8,),
+    "TorqueRipple": (0.2, -0.1),
+    "ViscoelasticDamping": (0.3,),
+    "WarmupByTime": (0.9, 0.9),
+    "WarmupByHeat": (3.0,),
+}
+"""Strengths of each form that tell on a plant of the size of Table I; elasto-slip elements have tests of their own."""
+
+
+def alone(form):
+    """One number for each of STRENGTHS: those of LARGE for `form`, zero for the others."""
+    own = dict(zip([parameter.name for parameter in FORMS[form].strengths], LARGE[form], strict=True))
+    return [own[strength] if name == form else 0.0 for name, strength in STRENGTHS]
 
 
 def effect(name, **strengths):

@@ -85,6 +85,8 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
             "present": unexplained.present,
             "share": unexplained.share,
             "where": unexplained.where,
+            "carried_by": unexplained.carried_by,
+            "explains": unexplained.explains,
         },
         "mismatch": [
             {

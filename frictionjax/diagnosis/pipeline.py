@@ -21,7 +21,15 @@ from frictionjax.diagnosis.select import (
     effect_p_values,
     select,
 )
-from frictionjax.diagnosis.verdict import Candidate, Diagnosis, MissingEffect, Unexplained, Verdict
+from frictionjax.diagnosis.unknown import ResidualModel, residual_model
+from frictionjax.diagnosis.verdict import (
+    Candidate,
+    Diagnosis,
+    MismatchBin,
+    MissingEffect,
+    Unexplained,
+    Verdict,
+)
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.batch import least_samples, make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH
@@ -110,18 +118,25 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
+    verdict, left = _verdict(steps)
+    residual = None
+    if verdict == "unknown":
+        progress("what carries the rest", 0.82)
+        residual = residual_model(last, steps[-1].floor, executor)
+        clock.stage("unknown")
+    final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
     dt = float(np.max(np.asarray(batch.dt)))
     scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
-    models = [base, last] if accepted else [base]
+    models = [base] if final is base else [base, final]
     views = list(executor.map(lambda model: view(model.judgement, scene), models))
     base_view, extended_view = views[0], views[-1]
     progress("locating", 0.95)
     bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
     base_parameters = parameters_of(base, units)
-    extended = parameters_of(last, units) if accepted else base_parameters
+    extended = base_parameters if final is base else parameters_of(final, units)
     missing = _missing(steps, extended, where_words(bins))
-    verdict, unexplained = _verdict(steps, bins)
+    unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
@@ -163,30 +178,44 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene):
     return mismatch_map(seen, extended, axes_of(motion, base, plant, scene), scene)
 
 
-def _verdict(steps: list[Step], bins) -> tuple[Verdict, Unexplained]:
+def _verdict(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
     """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
-    explains enough of the whole; else `unknown`."""
+    explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:
         if max(first.misfits(floor)) < ADEQUATE_MISFIT:
-            return "adequate", Unexplained(False, 0.0, "")
-        place = strongest(bins, "regime")
-        return "unknown", Unexplained(True, 1.0, place.bin if place else "")
+            return "adequate", (False, 0.0)
+        return "unknown", (True, 1.0)
     last = accepted[-1].accepted
     assert last is not None
     shares = explained(first, last.model.judgement, floor)
-    left = float(np.clip(1.0 - min(shares), 0.0, 1.0))
+    share = float(np.clip(1.0 - min(shares), 0.0, 1.0))
     remains = max(last.model.judgement.misfits(floor)) > 2.0 * ADEQUATE_MISFIT
-    regime = max(
-        (b for b in bins if b.axis == "regime"),
-        key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0),
-        default=None,
-    )
-    where = regime.bin if regime is not None and remains else ""
     if min(shares) > LEAST_SHARE:
-        return "named", Unexplained(bool(remains), left, where)
-    return "unknown", Unexplained(True, left, where)
+        return "named", (bool(remains), share)
+    return "unknown", (True, share)
+
+
+def _unexplained(
+    verdict: Verdict, left: tuple[bool, float], bins: tuple[MismatchBin, ...], residual: ResidualModel | None
+) -> Unexplained:
+    """What remains, where it acts, and over which variable a map of it predicts recordings kept aside."""
+    present, share = left
+    regimes = [b for b in bins if b.axis == "regime"]
+    if verdict == "unknown" and residual is None:
+        place = strongest(bins, "regime")
+    else:
+        place = max(regimes, key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None)
+    where = place.bin if place is not None and present else ""
+    if residual is None:
+        return Unexplained(present, share, where)
+    strong = strongest(bins, "regime")
+    where = strong.bin if strong is not None else where
+    carried = residual.variable if residual.helps else ""
+    if carried:
+        where = f"{where}; carried by {carried}"
+    return Unexplained(present, share, where, carried, residual.compared.share_holdout if carried else 0.0)
 
 
 def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tuple[MissingEffect, ...]:

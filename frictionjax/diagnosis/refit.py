@@ -13,6 +13,7 @@ from frictionjax.estimation.robust_fit import Fitted, descend
 _LEFT = 0.5  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
 _NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
+_KIN = 3  # effects that are easily taken for the leader and are refitted with it
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -77,7 +78,8 @@ def compare(before: Judgement, after: Judgement, floor: np.ndarray) -> Compared:
 
 
 def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool = False) -> list[Trial]:
-    """The trials worth refitting: the best trial of each form by actual gain, and the two best by linear gain.
+    """The trials worth refitting: the best trial of each form by actual gain, the two best by linear gain, and what is
+    easily taken for the leader.
 
     **Arguments:**
 
@@ -96,7 +98,19 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
         return [t for t in promising if t.linear_gain > least_gain][:most] if far else []
     kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
     linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
-    return kept + [t for t in linear if t not in kept and np.isfinite(t.gain)]
+    # What is easily taken for the leader may be the truth although its first step gains less.
+    lead = best[0].form
+    kin = [
+        t
+        for t in best
+        if (t.effect in lead.about.confused_with or lead.name in t.form.about.confused_with)
+        and t.linear_gain > least_gain
+    ][:_KIN]
+    chosen: list[Trial] = []
+    for trial in kept + linear + kin:
+        if np.isfinite(trial.gain) and not any(trial is one for one in chosen):
+            chosen.append(trial)
+    return chosen
 
 
 def refit_all(

@@ -33,6 +33,7 @@ more likely the form of the effect found than another one."""
 SIGNIFICANCE = 1e-3
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
+_ALIKE = 0.03  # of the sum of the explained shares
 
 
 class Step(eqx.Module):
@@ -72,7 +73,8 @@ def try_catalogue(
     forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
     if any(isinstance(effect, AbstractLoadEffect) for effect in inside):
         forms = [form for form in forms if not issubclass(form, AbstractLoadEffect)]
-    forms = [form for form in forms if form not in {type(effect) for effect in inside}]
+    # Another form of an effect that is named already is a matter of its form, not another effect.
+    forms = [form for form in forms if form.name not in {effect.name for effect in inside}]
     found = executor.map(lambda form: try_form(present, forms_to_try(form, scales, periods), scales), forms)
     return [trial for trials in found for trial in trials]
 
@@ -158,6 +160,11 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
         return acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
 
     accepted = next((r for r in ranked if may(r)), None)
+    for r in ranked:
+        # Of two that explain alike the one with fewer parameters is named: a sine holds a spring, not the reverse.
+        if accepted is not None and may(r) and _free(r) < _free(accepted):
+            if compared[id(r)].worth > compared[id(accepted)].worth - _ALIKE:
+                accepted = r
     rivals: tuple[str, ...] = ()
     if accepted is not None:
         rows = np.ones(accepted.model.judgement.held_out.shape, bool)
@@ -173,6 +180,10 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _free(refitted: Refitted) -> int:
+    return len(refitted.model.joint.layout)
 
 
 def _better_base(model: Model, refits: list[Refitted]) -> Model:

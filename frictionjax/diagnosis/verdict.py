@@ -35,11 +35,15 @@ class MissingEffect(eqx.Module):
 
 
 class Unexplained(eqx.Module):
-    """What no effect of the catalogue explains: whether it is significant, its `share` of the excess, and `where`."""
+    """What no effect of the catalogue explains: whether it is significant, its `share` of the excess, and `where`;
+    the variable over which a nonparametric map of the residual force predicts recordings kept aside, `carried_by`
+    (empty when none does), and the share of what remained there that the map `explains`."""
 
     present: bool = eqx.field(static=True)
     share: float = eqx.field(static=True)
     where: str = eqx.field(static=True)
+    carried_by: str = eqx.field(static=True, default="")
+    explains: float = eqx.field(static=True, default=0.0)
 
 
 class MismatchBin(eqx.Module):

@@ -6,6 +6,7 @@ from scipy.signal import find_peaks
 
 from frictionjax.estimation.batch import Batch
 
+_FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
 _SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with the observer's own dynamics
 
 
@@ -52,7 +53,7 @@ def wavelengths(
     shortest = _SHORTEST_WAVE * top * float(np.min(np.asarray(batch.dt)))
     if fine:
         shortest = 4.0 * span / bins
-    spectrum[(cycles < (20.0 if fine else 0.75)) | (cycles > span / shortest)] = 0.0
+    spectrum[(cycles < (20.0 if fine else _FEWEST)) | (cycles > span / shortest)] = 0.0
     peaks, _ = find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
     chosen: list[float] = []

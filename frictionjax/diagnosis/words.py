@@ -24,12 +24,22 @@ def summary_sentence(
         return "Nothing significant is missing: the base model explains the recordings to the noise."
     before_after = _held_out(fits)
     if not missing:
-        return f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
+        text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
+        return f"{text} {_carried(unexplained)} {before_after}".strip() if unexplained.carried_by else text
     named = "; ".join(_named(effect) for effect in missing)
     text = f"Left out: {named}. It acts in: {where}. {before_after}"
     if verdict == "unknown":
         text += f" More is missing ({100 * unexplained.share:.0f} % of the misfit) that the catalogue does not explain."
+        if unexplained.carried_by:
+            text += f" {_carried(unexplained)}"
     return text.strip()
+
+
+def _carried(unexplained: Unexplained) -> str:
+    return (
+        f"A map of the missing force over {unexplained.carried_by} removes {100 * unexplained.explains:.0f} % of what "
+        "is left on held-out recordings."
+    )
 
 
 def _named(effect: MissingEffect) -> str:

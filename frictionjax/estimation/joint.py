@@ -134,7 +134,7 @@ class Joint(eqx.Module):
         return _errors_and_columns(self.layout, vector, self.setting)
 
     def normal_equations(self, vector: Float[Array, " q"]) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
-        """Gauss-Newton matrix with the prior at `vector`, and the gradient of each cluster of 0.5 s; fitted recordings."""
+        """Gauss-Newton matrix with the prior at `vector`, and the gradient of each cluster of 0.5 s (fitted ones)."""
         return _products(*self.errors_and_columns(vector), self.setting, self.fitted)
 
     def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Joint", Float[Array, " q"]]:

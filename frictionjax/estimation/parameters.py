@@ -26,8 +26,9 @@ _LEAST_RATIO, _MOST_RATIO = 1e-3, 1.5
 # Natural frequency of the bristle, rad per sample: faster ones are not in the recordings.
 _FASTEST = 0.6
 # How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
-# read off directly; those of stiffness and damping may be guesses.
-_REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0}
+# read off directly; those of stiffness and damping may be guesses. A period is found before, and a wave much longer than
+# the stroke would be a spring.
+_REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4
 INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
@@ -56,7 +57,7 @@ class Free(eqx.Module):
             return math.log(_LEAST_RATIO) + 0.0 * start, math.log(_MOST_RATIO) + 0.0 * start
         lower, upper = self.parameter.lower, self.upper
         if self.parameter.transform == "log":
-            reach = math.log(_REACH.get(self.label, _WIDEST))
+            reach = math.log(_REACH.get(self.parameter.name, _WIDEST))
             low = jnp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
             return low, jnp.minimum(start + reach, jnp.log(upper))
         return lower / self.scale + 0.0 * start, upper / self.scale + 0.0 * start

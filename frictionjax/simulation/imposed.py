@@ -11,7 +11,9 @@ over a step of path d, this is solved exactly:
 
 For the linear spring k = sigma0, and the step is exact at constant velocity; else k is the mean of the secants at both
 ends, second order. z+ lies between z, y0 and y1: stable at any |v| sigma0 h/G, and never bent beyond them. |v| is not
-smoothed. States of effects take Heun's step around it. Effects of the input are not on the way and do not act.
+smoothed. A law p(S/G) of slip in place of S/G makes k = G (sgn v - p)/(y - z). States of effects take Heun's step
+around it; a level that hangs on them is taken at both ends of that. Effects of the input and of the sensor, those that
+hang on the motor force, and a second inertia are not on the way and do not act.
 """
 
 from typing import NamedTuple
@@ -26,7 +28,12 @@ from jaxtyping import Array, Float
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real, sign
 from frictionjax.physics import Bristles, Drive
-from frictionjax.physics.effects.base import AbstractSpringEffect
+from frictionjax.physics.effects.base import (
+    AbstractLevelEffect,
+    AbstractSpringEffect,
+    AbstractStateEffect,
+    Before,
+)
 from frictionjax.simulation.fixed import Trajectory
 from frictionjax.simulation.load_side import relaxed
 
@@ -35,10 +42,13 @@ _BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
 
 
 class _Step(NamedTuple):
-    """What is known of a step: its length; at both ends (2,) velocity, level and yield of LuGre's bristle."""
+    """What is known of a step: its length; at both ends (2,) position, velocity (and one that is never without a
+    direction), level and yield of LuGre's bristle."""
 
     h: Array
+    x: Array
     v: Array
+    going: Array
     level: Array
     slips: Array
 
@@ -76,12 +86,25 @@ def _slips_at(drive: Drive, level):
     return closer(0, jax.lax.stop_gradient(jax.lax.fori_loop(0, 8, closer, z)))
 
 
-def _secant(drive: Drive, z, y):
-    """Mean stiffness of LuGre's bristle between the deflections `z` and `y`."""
-    force, slope = jax.jvp(drive.spring_force, (y,), (jnp.ones_like(y),))
+def _secant(drive: Drive, z, y, level):
+    """Stiffness with which LuGre's bristle goes from the deflection `z` to `y`, where it carries `level`."""
+    towards = sign(y)
+
+    def lost(z):
+        return level * drive.slip(drive.spring_force(z) / level, towards)
+
+    force, slope = jax.jvp(lost, (y,), (jnp.ones_like(y),))
     near = jnp.abs(y - z) < 1e-9 * jnp.abs(y)
-    rise = (force - drive.spring_force(z)) / jnp.where(near, 1.0, y - z)
+    rise = (force - lost(z)) / jnp.where(near, 1.0, y - z)
     return jnp.maximum(jnp.where(near, slope, rise), 1e-3 * drive.friction.sigma0)
+
+
+def _level_has_states(drive: Drive) -> bool:
+    """Whether the friction level hangs on states of effects, and is not known before the run."""
+    return any(
+        isinstance(effect, AbstractStateEffect) and isinstance(effect, AbstractLevelEffect)
+        for effect in drive.effects
+    )
 
 
 def _relaxed(z, y0, y1, a):
@@ -96,12 +119,12 @@ def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step):
     """Deflections after the bristles went the `way`, position units."""
     y0, y1 = sign(way) * step.slips
     length = jnp.abs(way) * jnp.mean(1.0 / step.level)
-    if not _has_spring_effects(drive):
+    if not _has_spring_effects(drive) and not drive.has_slip_effects:
         first = _relaxed(z[0], y0, y1, drive.friction.sigma0 * length)
     else:
-        stiffness = _secant(drive, z[0], y0)
+        stiffness = _secant(drive, z[0], y0, step.level[0])
         guess = _relaxed(z[0], y0, y1, stiffness * length)
-        stiffness = 0.5 * (stiffness + _secant(drive, guess, y1))
+        stiffness = 0.5 * (stiffness + _secant(drive, guess, y1, step.level[1]))
         first = _relaxed(z[0], y0, y1, stiffness * length)
     if z.shape[-1] == 1:
         return first[None]
@@ -131,8 +154,9 @@ def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
     # At rest, the level is that of the direction in which the step goes.
     towards = sign(jnp.sum(v, axis=-1, keepdims=True))
     going = towards * jnp.maximum(towards * v, _REST)
-    level = jax.vmap(jax.vmap(drive.level))(pieces(x0, x0 + (x1 - x0) * part, x1), going)
-    return _Step(h, v, level, _slips_at(drive, level))
+    x = pieces(x0, x0 + (x1 - x0) * part, x1)
+    level = jax.vmap(jax.vmap(drive.level))(x, going)
+    return _Step(h, x, v, going, level, _slips_at(drive, level))
 
 
 def _run(drive: Drive, x, dt, z0, v, substeps: int):
@@ -140,21 +164,40 @@ def _run(drive: Drive, x, dt, z0, v, substeps: int):
     bristles = drive.bristles()
     before, after = _limits(x, v, dt)
 
+    def levelled(step: _Step, ends):
+        """`step` with the levels of what is known at both of its `ends`: bristle and states of effects."""
+        if not _level_has_states(drive):
+            return step
+        level = jnp.stack(
+            [
+                drive.level_at(drive.instant(x, v, 0.0, drive.spring_force(z[0]), hidden))
+                for x, v, (z, hidden) in zip(step.x, step.going, ends, strict=True)
+            ]
+        )
+        return step._replace(level=level, slips=_slips_at(drive, level))
+
+    def motion(step: _Step, end: int, z, hidden):
+        """Velocity of the bristles at one `end`, and how the states of effects relax there."""
+        now = drive.instant(step.x[end], step.v[end], 0.0, drive.spring_force(z[0]), hidden)
+        return drive.bristle_speed(now), drive.relaxation(now)
+
     def advance(state, step: _Step):
         z, hidden = state
         h, (v0, v1) = step.h, step.v
-        if not drive.hidden_count:
+        if not drive.state_count:
             return (_bent(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
-        now = drive.instant(0.0 * v0, v0, 0.0, drive.spring_force(z[0]), hidden)
-        w0, flow = drive.bristle_speed(now), drive.relaxation(now)
+        w0, flow = motion(step, 0, z, hidden)
+        ahead = relaxed(hidden, *flow, h)
+        step = levelled(step, [(z, hidden), (z, ahead)])
         guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * w0 - v0 + v1), step)
-        now = drive.instant(0.0 * v0, v1, 0.0, drive.spring_force(guess[0]), relaxed(hidden, *flow, h))
-        w1, flow1 = drive.bristle_speed(now), drive.relaxation(now)
-        z = _bent(drive, bristles, z, 0.5 * h * (w0 + w1), step)
+        w1, flow1 = motion(step, 1, guess, ahead)
         source, rate = (0.5 * (one + other) for one, other in zip(flow, flow1, strict=True))
-        return (z, relaxed(hidden, source, rate, h)), state
+        later = relaxed(hidden, source, rate, h)
+        step = levelled(step, [(z, hidden), (guess, later)])
+        return (_bent(drive, bristles, z, 0.5 * h * (w0 + w1), step), later), state
 
-    first = (z0 * jnp.ones(drive.bristle_count), jnp.zeros(drive.hidden_count))
+    hidden0 = drive.first_states(Before())[: drive.state_count]
+    first = (z0 * jnp.ones(drive.bristle_count), hidden0)
     last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))
     run = jax.tree.map(lambda part, end: jnp.concatenate([part[:: 2 * substeps], end[None]]), run, last)
 
@@ -204,8 +247,9 @@ def simulate_imposed(
 ) -> Trajectory:
     """Friction force of `drive` when its position is imposed: F = sigma0 z + sigma1 dz/dt + sigma2 v, and the effects.
 
-    It opposes the motion; inertia, motor and effects of the input (delay, drive lag) take no part. Works under jit,
-    vmap and in derivatives.
+    It opposes the motion; inertia, motor, effects of the input (delay, drive lag), of the motor force and of the sensor
+    take no part. Works under jit, vmap and in derivatives. The first sample is the first after power-on, after a rest
+    of 1 s.
 
     Without `v`, the velocity is linear within each sample and its mean is the difference of the positions. Where it
     jumps at a sample, velocity and force are the means of both sides; elsewhere v is the central difference. (The mean

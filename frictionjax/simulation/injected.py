@@ -45,9 +45,12 @@ class Injection(
     AbstractSlipEffect,
     AbstractDampingEffect,
 ):
-    """Signals in place of an effect: an opposing `against` (force), a factor `lift` on the level G, what LuGre's bristle
-    carries more, `bend_force` (force), what it slips more, `more_slip` (of |v|), a factor `damp` on sigma1, and the
-    `slow` down of the bristles' velocity (position/s). Scalars for one sample, shape `(n,)` for a recording."""
+    """Signals in place of an effect. Scalars for one sample, shape `(n,)` for a recording.
+
+    **Attributes:** `against`, an opposing force; `lift`, a factor on the level G; `bend_force`, what LuGre's bristle
+    carries more (force); `more_slip`, what it slips more (of |v|); `damp`, a factor on sigma1; `slow`, what the
+    bristles' velocity is less (position/s).
+    """
 
     against: Float[Array, "..."]
     lift: Float[Array, "..."]
@@ -131,7 +134,7 @@ def signals_along(
 
     def sample(carry, inputs):
         hidden, plays, load = carry
-        state, push, t = inputs
+        state, push = inputs
         now = whole(state, push)
         own = Now(now.x, now.v, now.push, now.spring, hidden)
         level, w = drive.level_at(now), drive.bristle_speed(now)
@@ -177,10 +180,10 @@ def signals_along(
     count = effect.count if isinstance(effect, AbstractBristleEffect) else 0
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
-        _, injection = jax.lax.scan(sample, carry, (motion, push, t))
+        _, injection = jax.lax.scan(sample, carry, (motion, push))
     else:
         # Without memory the samples go side by side.
-        injection = jax.vmap(lambda *inputs: sample(carry, inputs)[1])(motion, push, t)
+        injection = jax.vmap(lambda *inputs: sample(carry, inputs)[1])(motion, push)
     shown = jnp.zeros(n)
     if isinstance(effect, AbstractSensorEffect):
         shown = jax.vmap(effect.seen)(motion.x, motion.v, t) - motion.x

@@ -26,8 +26,10 @@ def contact(drive: Drive, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], F
     """Acceleration of the second inertia of `drive` in the state `load` (d, w), and whether it touches (1 or 0)."""
     side = drive.load_side
     assert side is not None
-    beyond = load[0] - jnp.clip(load[0], -side.half_gap, side.half_gap)
-    touches = jnp.where(jnp.abs(load[0]) >= side.half_gap, 1.0, 0.0)
+    # Without a gap, d = 0 is in contact like any other d: jnp.clip would halve its derivative there.
+    inside = jnp.abs(load[0]) < side.half_gap
+    beyond = jnp.where(inside, 0.0, load[0] - jnp.sign(load[0]) * side.half_gap)
+    touches = jnp.where(inside, 0.0, 1.0)
     return -side.stiffness * beyond - side.damping * load[1] * touches, touches
 
 

@@ -18,7 +18,7 @@ from frictionjax.physics import Bristles, Drive
 from frictionjax.simulation.load_side import contact, relaxed
 
 _GAMMA = 1.0 - 0.5**0.5
-# A bristle never bends beyond G/sigma0; this many times Fs/sigma0 is beyond any level that an effect makes of G.
+# A bristle never bends beyond G/sigma0; this many times as far is more than a good step ever throws it.
 _BENT = 2.5
 
 
@@ -188,7 +188,8 @@ def ros2_step(
     z2 = z + h * (1.5 * k1_z + 0.5 * k2_z)
     # A step across a reversal at a bristle rate far above 1/h can throw LuGre's bristle further than it can bend. What
     # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
-    bound = jax.lax.stop_gradient(_BENT * friction.Fs / friction.sigma0)
+    highest = jnp.maximum(jnp.maximum(level, level_1), friction.Fs)
+    bound = jax.lax.stop_gradient(_BENT * highest / friction.sigma0)
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
     v2 = v2 + sigma1 * (excess if alone else first * excess) * mobility
     z2 = (z2 - excess)[None]

@@ -3,12 +3,28 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractSpringEffect
+from frictionjax.physics.effects.base import About, AbstractSlipEffect, AbstractSpringEffect
 from frictionjax.physics.lugre import LuGre
+
+_ABOUT = About(
+    sentence="bristle stiffness that depends on deflection (hardening or softening)",
+    equation="F_z = sigma0 z (1 + hardening (sigma0 z / Fs)^2), dz/dt = v - |v| F_z / G(v)",
+    shows="presliding near break-away; third harmonic of a presliding sine",
+    confused_with=("maxwell_slip", "load_dependence"),
+    split_by="presliding sines of several amplitudes below break-away, with and without an offset",
+    source="Lampaert, Swevers, Al-Bender 2002; the conjecture that ends Hensen et al. 2002",
+)
+_HARDENING = (
+    # Below -4/27 the bristle could not carry break-away.
+    Parameter(
+        "hardening", "1", "relative rise of stiffness", lower=-0.12, upper=5.0, probes=(0.03, -0.1, 0.5)
+    ),
+)
 
 
 class NonlinearBristle(AbstractSpringEffect):
@@ -22,22 +38,48 @@ class NonlinearBristle(AbstractSpringEffect):
     hardening: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
     name: ClassVar[str] = "nonlinear_bristle"
-    about: ClassVar[About] = About(
-        sentence="bristle stiffness that depends on deflection (hardening or softening)",
-        equation="F_z = sigma0 z (1 + hardening (sigma0 z / Fs)^2), dz/dt = v - |v| F_z / G(v)",
-        shows="presliding near break-away; third harmonic of a presliding sine",
-        confused_with=("maxwell_slip", "load_dependence"),
-        split_by="presliding sines of several amplitudes below break-away, with and without an offset",
-        source="Lampaert, Swevers, Al-Bender 2002; the conjecture that ends Hensen et al. 2002",
-    )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        # Below -4/27 the bristle could not carry break-away.
-        Parameter(
-            "hardening", "1", "relative rise of stiffness", lower=-0.12, upper=5.0, probes=(0.03, -0.1, 0.5)
-        ),
-    )
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = _HARDENING
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
     def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
         bend = friction.sigma0 * z / friction.Fs
         return force * (1.0 + self.hardening * bend * bend)
+
+
+_INVERSIONS = 5  # Newton steps: to the last digit for every admissible hardening
+
+
+class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
+    """The same spring, with a bristle that slips in proportion to its deflection, dz/dt = v - |v| z/z_ss.
+
+    With y(f) the deflection over Fs/sigma0 that carries the force f Fs, y (1 + hardening y^2) = f, and b = F_z/G:
+    z/z_ss is y(b)/y(1), the level taken at Fs.
+
+    **Arguments:**
+
+    - `hardening`: relative rise of the secant stiffness at the break-away deflection Fs/sigma0.
+    """
+
+    hardening: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+
+    name: ClassVar[str] = "nonlinear_bristle"
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = _HARDENING
+    nuisances: ClassVar[tuple[Parameter, ...]] = ()
+
+    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+        bend = friction.sigma0 * z / friction.Fs
+        return force * (1.0 + self.hardening * bend * bend)
+
+    def _deflection(self, force: Float[Array, ""]) -> Float[Array, ""]:
+        # Beyond break-away a bristle that softens could carry no more: the deflection goes on in proportion.
+        within = jnp.clip(force, -1.0, 1.0)
+        y = within
+        for _ in range(_INVERSIONS):
+            slope = jnp.maximum(1.0 + 3.0 * self.hardening * y * y, 0.2)
+            y = y - (y * (1.0 + self.hardening * y * y) - within) / slope
+        return y + (force - within)
+
+    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+        return self._deflection(bend) / self._deflection(jnp.ones_like(bend))

@@ -1,0 +1,182 @@
+"""Diagnoses of simulated machines, one JSON line each: what was missing, what was found, and every number between.
+
+    python -m benchmarks.bank --plan one --strengths strong medium --seeds 0 1 --out out/bank.jsonl
+
+Lines that the file has already are not made again: an interrupted run goes on where it stopped.
+"""
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import frictionjax as fj
+from benchmarks.concealed import CATALOGUE, OUTSIDE, make_case
+from frictionjax.diagnosis import pipeline
+from frictionjax.diagnosis.select import Step
+from frictionjax.recordings import Plant, Recording
+
+PAIRS = (
+    ("creep", "direction_asymmetry"),
+    ("maxwell_slip", "ripple"),
+    ("constant_load", "quadratic_drag"),
+    ("delay", "stribeck_shape"),
+    ("position_dependence", "dwell_strengthening"),
+    ("flexible_transmission", "constant_load"),
+    ("encoder_error", "direction_asymmetry"),
+    ("drive_lag", "return_spring"),
+    ("nonlinear_bristle", "ripple"),
+    ("friction_lag", "constant_load"),
+)
+"""Pairs of effects for the study of two at once."""
+
+
+def jobs(plan: str, strengths: list[str], seeds: list[int], only: list[str]) -> Iterator[dict]:
+    """What to diagnose: `one` effect, `none`, `pairs`, `outside` the catalogue, or one `left` out of it."""
+    for seed in seeds:
+        if plan == "none":
+            yield {"seed": 1000 + seed, "missing": [], "strength": "strong", "without": []}
+        for strength in strengths:
+            names = only or {"outside": list(OUTSIDE)}.get(plan, list(CATALOGUE))
+            if plan in ("one", "outside"):
+                for number, name in enumerate(names):
+                    offset = 2000 if plan == "one" else 4000
+                    plant = offset + 100 * seed + number
+                    yield {"seed": plant, "missing": [name], "strength": strength, "without": []}
+            if plan == "left":
+                for number, name in enumerate(names):
+                    plant = 6000 + 100 * seed + number
+                    yield {"seed": plant, "missing": [name], "strength": strength, "without": [name]}
+            if plan == "pairs":
+                for number, pair in enumerate(PAIRS):
+                    plant = 8000 + 100 * seed + number
+                    yield {"seed": plant, "missing": list(pair), "strength": strength, "without": []}
+
+
+def case_of(simulated) -> fj.Case:
+    """The simulated machine as the library sees it."""
+    recordings = tuple(
+        Recording(
+            name=r["name"],
+            sample_rate=float(r["sample_rate"]),
+            u=np.asarray(r["u"], float),
+            x=np.asarray(r["x"], float),
+            role=r["role"],
+            loop=r["loop"],
+            start_time=float(r["start_time"]),
+        )
+        for r in simulated.recordings
+    )
+    plant = simulated.plant
+    known = {
+        k: plant[k] for k in ("motor_constant", "position_unit", "force_unit", "input_unit", "encoder_step")
+    }
+    return fj.Case("bank", Plant(**known), recordings)
+
+
+def told(step: Step) -> dict:
+    """One round of the selection in plain numbers."""
+    best: dict[str, list[float]] = {}
+    for trial in step.trials:
+        form = type(trial.form).__name__
+        own = [float(trial.gain), float(trial.linear_gain), float(trial.p_value)]
+        best[form] = max(best.get(form, [-9.0, 0.0, 1.0]), own)
+    return {
+        "force": step.force,
+        "misfits": step.before.judgement.misfits(step.floor),
+        "misfits_unit": step.before.judgement.misfits(np.ones((1, 1))),
+        "gains": dict(sorted(best.items(), key=lambda kv: -kv[1][0])[:10]),
+        "refits": [
+            {
+                "form": r.form,
+                "effect": r.effect,
+                "after": r.model.judgement.misfits(step.floor),
+                "misfit": r.model.fitted.misfit,
+                **{k: float(getattr(c, k)) for k in c.__dataclass_fields__},
+            }
+            for r, c in zip(step.refits, step.compared, strict=True)
+        ],
+        "accepted": step.accepted.form if step.accepted else None,
+        "rivals": list(step.rivals),
+    }
+
+
+def diagnosed(job: dict) -> dict:
+    """One line."""
+    simulated = make_case(job["seed"], missing=tuple(job["missing"]), strength=job["strength"])
+    kept: dict[str, list[Step]] = {}
+    select = pipeline.select
+
+    def watched(*arguments, **options):
+        kept["steps"] = select(*arguments, without=frozenset(job["without"]), **options)
+        return kept["steps"]
+
+    pipeline.select = watched
+    start = time.perf_counter()
+    try:
+        found = fj.diagnose(case_of(simulated))
+    finally:
+        pipeline.select = select
+    return job | {
+        "verdict": found.verdict,
+        "named": [m.effect for m in found.missing],
+        "classes": [list(m.effect_class) for m in found.missing],
+        "confidence": [m.confidence for m in found.missing],
+        "parameters": [{k: [e.value, e.stderr] for k, e in m.parameters.items()} for m in found.missing],
+        "sizes": simulated.truth["sizes"],
+        "base": {k: e.value for k, e in found.base.items()},
+        "truth": simulated.truth["base"],
+        "steps": [told(step) for step in kept["steps"]],
+        "held": {
+            r.name: [r.prediction_rmse_base, r.prediction_rmse_extended, r.noise_floor]
+            for r in found.recordings
+            if r.role == "holdout"
+        },
+        "process_noise": simulated.truth["process_noise"],
+        "seconds": time.perf_counter() - start,
+        "compile": found.seconds["compile"],
+    }
+
+
+def plain(value):
+    """`value` for JSON."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
+
+
+def main() -> None:
+    """Diagnose, and append to the file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plan", choices=["one", "none", "pairs", "outside", "left"], required=True)
+    parser.add_argument("--strengths", nargs="+", default=["strong"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
+    fj.configure_jax()
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    key = ("seed", "missing", "strength", "without")
+    lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
+    done = {json.dumps([json.loads(line)[k] for k in key]) for line in lines}
+    for job in jobs(arguments.plan, arguments.strengths, arguments.seeds, arguments.only):
+        if json.dumps([job[k] for k in key]) in done:
+            continue
+        line = diagnosed(job)
+        with arguments.out.open("a") as file:
+            file.write(json.dumps(line, default=plain) + "\n")
+        sys.stdout.write(
+            f"{','.join(job['missing']) or 'nothing'} {job['strength']} {job['seed']}: {line['verdict']} "
+            f"{','.join(line['named'])} {line['seconds']:.0f} s (compile {line['compile']:.0f})\n"
+        )
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Unknown: a nonparametric model of the force that the catalogue does not explain, and what carries it."""
+
+from concurrent.futures import Executor
+
+import equinox as eqx
+import numpy as np
+
+from frictionjax.diagnosis.judge import judge
+from frictionjax.diagnosis.name import forms_to_try, present_model, try_form
+from frictionjax.diagnosis.refit import Compared, Model, compare
+from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
+from frictionjax.estimation.robust_fit import descend
+from frictionjax.estimation.scales import plant_scales
+from frictionjax.physics.residual_maps import MAPS
+
+_CONVERGED = 2  # variables whose maps are refitted: those whose one-step estimates gain most
+_LEAST_LEAD = 2.0  # standard errors by which the held-out error must fall
+
+
+class ResidualModel(eqx.Module):
+    """A map of the missing force over one variable.
+
+    **Attributes:** `variable` (in words), `model`, `compared` (against the model without it), `helps` (whether it
+    predicts recordings kept aside better than the model without it, beyond chance).
+    """
+
+    variable: str = eqx.field(static=True)
+    model: Model
+    compared: Compared
+    helps: bool = eqx.field(static=True)
+
+
+def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> ResidualModel | None:
+    """The map that explains most of what `model` leaves, base parameters and all else free beside it.
+
+    Each map is a set of effects whose one-step estimates are tested like those of the catalogue, all base parameters
+    free to absorb what they can; the best are refitted, and the one that predicts best is kept.
+
+    **Arguments:**
+
+    - `model`: the fitted base model, with the effects that were named.
+    - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
+    - `executor`: runs tests and refits side by side.
+
+    **Returns:** the `ResidualModel`, or None when no map can be computed.
+    """
+    scales = plant_scales(model.judgement.drive, model.joint.batch)
+    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    present = present_model(fast, model.fitted.vector)
+
+    def test(item):
+        variable, form = item
+        trials = try_form(present, forms_to_try(form, scales, {}), scales)
+        return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
+
+    def converge(item) -> ResidualModel:
+        _, variable, trial = item
+        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+        vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
+        begun = descend(joint, vector, graduate=False, steps=10, tolerance=0.02)
+        slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+        fitted = descend(slow, begun.vector, graduate=False, steps=12, tolerance=0.01)
+        found = Model(slow, fitted, judge(slow, fitted))
+        compared = compare(model.judgement, found.judgement, floor)
+        helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > 0.0
+        return ResidualModel(variable, found, compared, helps)
+
+    tested = [found for some in executor.map(test, MAPS.items()) for found in some]
+    tested.sort(key=lambda item: -item[0])
+    converged = list(executor.map(converge, tested[:_CONVERGED]))
+    return max(converged, key=lambda found: found.compared.worth, default=None)
