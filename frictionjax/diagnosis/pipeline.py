@@ -9,21 +9,21 @@ import numpy as np
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
+from frictionjax.diagnosis.candidates import candidates
+from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
 from frictionjax.diagnosis.judge import Scene, explained
 from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
+from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.select import (
     ADEQUATE_MISFIT,
     LEAST_SHARE,
-    SIGNIFICANCE,
     Step,
-    acceptable,
     effect_p_values,
     select,
 )
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
 from frictionjax.diagnosis.verdict import (
-    Candidate,
     Diagnosis,
     MismatchBin,
     MissingEffect,
@@ -35,7 +35,7 @@ from frictionjax.estimation.batch import least_samples, make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH
 from frictionjax.estimation.start import starting_values
 from frictionjax.physics import Drive
-from frictionjax.physics.effects import catalogue
+from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
 
@@ -113,7 +113,13 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         known_inertia=plant.inertia is not None,
     )
     clock.stage("base fit")
-    steps = select(base, executor, lambda stage, fraction: progress(stage, 0.22 + 0.63 * fraction))
+    untestable = not_testable(case, batch)
+    steps = select(
+        base,
+        executor,
+        lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
+        barred=frozenset(untestable),
+    )
     clock.stage("naming")
     base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
@@ -135,7 +141,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
     base_parameters = parameters_of(base, units)
     extended = base_parameters if final is base else parameters_of(final, units)
-    missing = _missing(steps, extended, where_words(bins))
+    experiments = _experiments(steps, progress)
+    missing = _missing(steps, extended, where_words(bins), experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
@@ -150,7 +157,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         base=base_parameters,
         extended=extended,
         recordings=fits,
-        candidates=_candidates(steps, units),
+        candidates=candidates(steps, units, untestable),
         warnings=_warnings(case, base_parameters, message_of(base), start.notes),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
     )
@@ -218,7 +225,26 @@ def _unexplained(
     return Unexplained(present, share, where, carried, residual.compared.share_holdout if carried else 0.0)
 
 
-def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tuple[MissingEffect, ...]:
+def _experiments(steps: list[Step], progress: Progress) -> dict[str, NextExperiment]:
+    """Named effect -> the experiment that tells it from the closest of those that these recordings cannot tell it from."""
+    found = {}
+    for step in steps:
+        if step.accepted is None or not step.rivals:
+            continue
+        rival = next(r for r in step.refits if r.effect in step.rivals)
+        progress(f"designing the experiment that tells {step.accepted.effect} from {rival.effect}", 0.97)
+        designed = next_experiment(step.accepted, rival)
+        if designed is not None:
+            found[step.accepted.effect] = designed
+    return found
+
+
+def _missing(
+    steps: list[Step],
+    extended: dict[str, Estimate],
+    where: str,
+    experiments: dict[str, NextExperiment],
+) -> tuple[MissingEffect, ...]:
     missing = []
     for step in steps:
         found = step.accepted
@@ -243,61 +269,18 @@ def _missing(steps: list[Step], extended: dict[str, Estimate], where: str) -> tu
                 p_value=effect_p_values(step.trials)[found.effect],
                 parameters=named,
                 where=where,
-                split_by=effect.about.split_by if len(members) > 1 else "",
+                split_by=_split_by(effect, members, experiments.get(found.effect)),
+                next_experiment=experiments.get(found.effect),
                 sentence=effect.about.sentence,
             )
         )
     return tuple(missing)
 
 
-def _candidates(steps: list[Step], units: dict[str, str]) -> tuple[Candidate, ...]:
-    """One row per effect: from the first round, and from the round in which it was accepted."""
-    result = []
-    forms = catalogue()
-    for name in forms:
-        rounds = [step for step in steps if any(t.effect == name for t in step.trials)]
-        named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
-        step = named or (rounds[0] if rounds else None)
-        if step is None:
-            result.append(
-                Candidate(name, float("nan"), {}, False, "the recordings hold no motion that would show it")
-            )
-            continue
-        trial = max((t for t in step.trials if t.effect == name), key=lambda t: t.gain)
-        p_value = effect_p_values(step.trials)[name]
-        refits = [c for r, c in zip(step.refits, step.compared, strict=True) if r.effect == name]
-        best = max(refits, key=lambda c: c.worth, default=None)
-        if named is not None:
-            reason = "named"
-        elif best is not None:
-            reason = (
-                acceptable(best, step.before.judgement, step.floor, p_value)[1]
-                or "another effect explains the same better"
-            )
-        else:
-            reason = (
-                "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
-            )
-        result.append(
-            Candidate(
-                effect=name,
-                p_value=p_value,
-                minimum_detectable=trial.detectable,
-                tested=True,
-                reason=reason,
-                gain_fit=best.share_fit if best else float("nan"),
-                gain_holdout=best.share_holdout if best else float("nan"),
-                one_step=trial.one_step,
-                units={p.name: _unit(p.unit, units) for f in forms[name] for p in f.strengths},
-            )
-        )
-    return tuple(sorted(result, key=lambda c: (c.reason != "named", c.p_value)))
-
-
-def _unit(pattern: str, units: dict[str, str]) -> str:
-    for name, text in units.items():
-        pattern = pattern.replace("{" + name + "}", text)
-    return pattern
+def _split_by(effect: AbstractEffect, members: tuple[str, ...], designed: NextExperiment | None) -> str:
+    if len(members) == 1:
+        return ""
+    return designed.sentence if designed is not None else effect.about.split_by
 
 
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:

@@ -110,7 +110,12 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
 
 
 def select(
-    model: Model, executor: Executor, progress: Progress, *, without: frozenset[str] = frozenset()
+    model: Model,
+    executor: Executor,
+    progress: Progress,
+    *,
+    without: frozenset[str] = frozenset(),
+    barred: frozenset[str] = frozenset(),
 ) -> list[Step]:
     """Add effects to the fitted base model while fit and held-out recordings agree on them.
 
@@ -120,6 +125,7 @@ def select(
     - `executor`: runs tests and refits side by side.
     - `progress`: told as it goes.
     - `without`: names of effects to leave out of the catalogue.
+    - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     """
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     answer = answer_to_force(model.joint, model.fitted.vector)
@@ -129,7 +135,8 @@ def select(
         progress(f"testing every effect, round {number + 1}", start)
         trials = try_catalogue(model, scales, executor, without)
         far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
-        chosen = short_list(trials, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
+        open_to = [trial for trial in trials if trial.effect not in barred]
+        chosen = short_list(open_to, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = refit_all(chosen, model, scales, executor)
         model = _better_base(model, refits)
@@ -160,11 +167,11 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
         return acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
 
     accepted = next((r for r in ranked if may(r)), None)
-    for r in ranked:
+    if accepted is not None:
         # Of two that explain alike the one with fewer parameters is named: a sine holds a spring, not the reverse.
-        if accepted is not None and may(r) and _free(r) < _free(accepted):
-            if compared[id(r)].worth > compared[id(accepted)].worth - _ALIKE:
-                accepted = r
+        least = compared[id(accepted)].worth - _ALIKE
+        alike = [r for r in ranked if may(r) and compared[id(r)].worth > least]
+        accepted = min(alike, key=_free)
     rivals: tuple[str, ...] = ()
     if accepted is not None:
         rows = np.ones(accepted.model.judgement.held_out.shape, bool)

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.explain import explain_effect
+from frictionjax.diagnosis.next_experiment import NextExperiment
 from frictionjax.diagnosis.output import SCHEMA as SCHEMA
 from frictionjax.diagnosis.output import save_diagnosis
 from frictionjax.recordings import Plant
@@ -21,7 +23,8 @@ class MissingEffect(eqx.Module):
     **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot tell from it,
     itself included), `confidence` in [0, 1], `p_value` under the base model, `parameters` (name to `Estimate`),
     `where` (words), `split_by` (the experiment that would separate the class; empty when it has one member),
-    `sentence` (what the effect is, in plain words).
+    `sentence` (what the effect is, in plain words), `next_experiment` (a `NextExperiment` that tells it from the
+    nearest of its class, or None).
     """
 
     effect: str = eqx.field(static=True)
@@ -32,6 +35,7 @@ class MissingEffect(eqx.Module):
     where: str = eqx.field(static=True)
     split_by: str = eqx.field(static=True, default="")
     sentence: str = eqx.field(static=True, default="")
+    next_experiment: NextExperiment | None = None
 
 
 class Unexplained(eqx.Module):
@@ -136,6 +140,13 @@ class Diagnosis(eqx.Module):
     candidates: tuple[Candidate, ...]
     warnings: tuple[str, ...] = eqx.field(static=True)
     seconds: dict[str, float] = eqx.field(static=True)
+
+    def explain(self, effect: str) -> str:
+        """Why `effect` was named or was not, in a few sentences.
+
+        Raises `InputError` for a name that is not in the catalogue.
+        """
+        return explain_effect(self, effect)
 
     def save(self, directory: str | Path) -> Path:
         """Write verdict.json, fit/*.csv and report.html into `directory`; returns it.

@@ -26,7 +26,7 @@ _LEAST_RATIO, _MOST_RATIO = 1e-3, 1.5
 # Natural frequency of the bristle, rad per sample: faster ones are not in the recordings.
 _FASTEST = 0.6
 # How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
-# read off directly; those of stiffness and damping may be guesses. A period is found before, and a wave much longer than
+# read off directly; those of stiffness and damping may be guesses. A period is found before; a wave much longer than
 # the stroke would be a spring.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4

@@ -47,7 +47,7 @@ def residual_force(
         return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing
 
     first = (initial_state(drive, *start), jnp.zeros_like(dt))
-    missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0]) * dt))[1]
+    missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
     lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
     later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, x.shape[0] - 1)
     return drive.J * missing[later]

@@ -122,7 +122,7 @@ def signals_along(
     )
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
     first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
-    t = jnp.arange(n) * dt
+    t = jnp.arange(n, dtype=u.dtype) * dt
 
     def acceleration(state: State, push):
         opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
@@ -209,6 +209,6 @@ def injected_innovations(
         state = corrected(now, bristles.slack, state, innovation, gains)
         return advance(now, bristles, state, push, dt, 1, exact_derivative=False), innovation
 
-    t = jnp.arange(x.shape[0]) * dt
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     inputs = (signals.push, x - signals.shown, t, signals.injection)
     return jax.lax.scan(sample, initial_state(drive, *start), inputs)[1]

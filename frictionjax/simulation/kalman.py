@@ -114,7 +114,9 @@ def kalman_filter(
         covariance = jnp.where(jnp.abs(covariance) > _NOTHING, covariance, 0.0)
         return (state, covariance), (gain, variance, innovation)
 
-    return Filtered(*jax.lax.scan(sample, (first, known), (force, x, jnp.arange(x.shape[0]) * dt))[1])
+    return Filtered(
+        *jax.lax.scan(sample, (first, known), (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
+    )
 
 
 def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
@@ -126,7 +128,7 @@ def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
         innovation, output = tell(drive.seen(state[0], state[1], t), own)
         return following(state + weight * innovation, motor), output
 
-    t = jnp.arange(force.shape[0]) * dt
+    t = jnp.arange(force.shape[0], dtype=force.dtype) * dt
     return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, given, gain, t))[1]
 
 

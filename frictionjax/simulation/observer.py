@@ -118,7 +118,7 @@ def observe(
         following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z, state.hidden)
 
-    t = jnp.arange(x.shape[0]) * dt
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1])
 
 
@@ -144,5 +144,5 @@ def innovations(
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 
-    t = jnp.arange(x.shape[0]) * dt
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     return jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1]

@@ -48,7 +48,7 @@ def run_ahead(
             return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, state.v, t)
 
         push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
-        t = (begin + jnp.arange(horizon + stride)) * dt
+        t = jnp.asarray(begin + jnp.arange(horizon + stride), dtype=dt.dtype) * dt
         state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
         return jnp.concatenate([passed[horizon:], drive.seen(state.x, state.v, t[-1])[None]])
 

@@ -1,0 +1,43 @@
+"""Why an effect was named, or was not: the sentences behind `Diagnosis.explain`."""
+
+import numpy as np
+
+from frictionjax.core import InputError
+
+
+def explain_effect(diagnosis, effect: str) -> str:
+    """Why `effect` was named by `diagnosis` or was not, in a few sentences.
+
+    **Raises:** `InputError` for a name that is not among its candidates.
+    """
+    row = next((c for c in diagnosis.candidates if c.effect == effect), None)
+    if row is None:
+        known = ", ".join(sorted(c.effect for c in diagnosis.candidates))
+        raise InputError(f"{effect!r} is no effect of the catalogue", cure=f"Give one of: {known}.")
+    parts = []
+    if not row.tested:
+        parts.append(f"{effect} cannot be judged from these recordings: {row.reason}.")
+    elif row.reason == "named":
+        parts.append(f"{effect} is named: {_p(row.p_value)} under the model without it.")
+    else:
+        parts.append(f"{effect} is not named: {row.reason} ({_p(row.p_value)} under the model without it).")
+    if np.isfinite(row.gain_fit):
+        parts.append(
+            f"Refitted with everything else free it removes {100 * row.gain_fit:.0f} % of the misfit on the fitted and "
+            f"{100 * row.gain_holdout:.0f} % on the held-out recordings."
+        )
+    for found in diagnosis.missing:
+        if effect in found.effect_class and found.effect != effect:
+            parts.append(f"These recordings cannot tell it from {found.effect}. {found.split_by}".strip())
+    sizes = [
+        f"{name} {value:.2g} {row.units.get(name, '')}".strip()
+        for name, value in row.minimum_detectable.items()
+        if np.isfinite(value)
+    ]
+    if sizes:
+        parts.append(f"The smallest size that would have been seen: {', '.join(sizes)}.")
+    return " ".join(parts)
+
+
+def _p(value: float) -> str:
+    return f"p = {value:.1g}" if np.isfinite(value) else "not tested"
