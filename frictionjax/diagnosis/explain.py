@@ -17,7 +17,7 @@ def explain_effect(diagnosis, effect: str) -> str:
     parts = []
     if not row.tested:
         parts.append(f"{effect} cannot be judged from these recordings: {row.reason}.")
-    elif row.reason == "named":
+    elif any(found.effect == effect for found in diagnosis.missing):
         parts.append(f"{effect} is named: {_p(row.p_value)} under the model without it.")
     else:
         parts.append(f"{effect} is not named: {row.reason} ({_p(row.p_value)} under the model without it).")

@@ -21,9 +21,8 @@ from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import Gains, innovation_gain, observe
-from frictionjax.simulation.injected import injected_innovations, signals_along
+from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
 from frictionjax.simulation.observer import corrected_states
-from frictionjax.simulation.ros2 import State
 
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
@@ -65,7 +64,7 @@ class Present(eqx.Module):
     """The model to which effects are added, before the fitted recordings alone.
 
     **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `weighings` (one for each knee),
-    `misfit`, `motion` (the states that it observed, arrays of shape `(r, n, ...)`).
+    `misfit`, `motion` (what it knows along the observed motion, arrays of shape `(r, n)`).
     """
 
     joint: Joint
@@ -73,24 +72,43 @@ class Present(eqx.Module):
     e: Float[Array, "r n"]
     weighings: tuple[_Weighing, ...]
     misfit: float
-    motion: State
+    motion: Along
 
     def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
         """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
         whose signals along the observed motion are injected; shape `(k, r, n)`."""
         old, more = len(self.joint.layout), len(joints[0].layout)
-        drive, found = self.joint.drive(self.vector), []
+        drive, batch, found = self.joint.drive(self.vector), self.joint.batch, []
         for first in range(0, len(vectors), LANES):
             some = list(zip(joints, vectors, strict=True))[first : first + LANES]
             padded = some + [some[-1]] * (LANES - len(some))
+            effects = jax.tree.map(
+                lambda *leaves: jnp.stack(leaves), *(_effect_at(joint, vector) for joint, vector in padded)
+            )
+            model = (drive.friction, drive.J, drive.motor_constant)
+            signals = _signals(effects, model, self.motion, batch.dt, batch.before)
             stack = jnp.stack([vector for _, vector in padded])
-            # Nuisances that are not free are numbers of the drive: each lane has its own.
-            effects = [joint.setting.drive.effects[-1] for joint, _ in padded]
-            lanes = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-            signals = _signals(joints[0].layout, stack, joints[0].setting, lanes, drive, self.motion)
             own = jnp.concatenate([stack[:, :old], stack[:, more:]], axis=1)
             found.append(_injected_lanes(self.joint.layout, own, self.joint.setting, signals)[: len(some)])
         return jnp.concatenate(found)
+
+
+def _effect_at(joint: Joint, vector) -> AbstractEffect:
+    """The last effect of `joint` at a free `vector`."""
+    effect, place = joint.setting.drive.effects[-1], len(joint.setting.drive.effects) - 1
+    values, point = {}, np.asarray(vector)
+    for index, free in enumerate(joint.layout):
+        if not free.path.startswith(f"effects.{place}."):
+            continue
+        parameter, coordinate = free.parameter, point[index]
+        value = np.exp(coordinate) if parameter.transform == "log" else coordinate * float(free.scale)
+        values[parameter.name] = np.clip(value, parameter.lower, parameter.upper)
+    fixed = {
+        name: getattr(effect, name)
+        for name in (parameter.name for parameter in effect.strengths + effect.nuisances)
+        if name not in values
+    }
+    return type(effect)(**values, **fixed)
 
 
 @eqx.filter_jit
@@ -98,7 +116,7 @@ def _motion(drive, deflection, batch, gains):
     def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, before):
         own = Gains(position_gain, velocity_gain)
         seen = observe(drive, drive.applied_force(u, dt), x, dt, own, (x0, v0, z0, before))
-        return corrected_states(drive, seen, own)
+        return along(drive, corrected_states(drive, seen, own), u, dt)
 
     z0 = deflection * drive.friction.Fs / drive.friction.sigma0
     return jax.vmap(one)(
@@ -115,17 +133,12 @@ def _motion(drive, deflection, batch, gains):
 
 
 @eqx.filter_jit
-def _signals(layout, vectors, setting, effects, drive, motion):
-    batch, count = setting.batch, len(layout)
+def _signals(effects, model, motion, dt, before):
+    # Nothing here depends on what effects the model has: each form is compiled once.
+    def lane(effect):
+        return jax.vmap(lambda *own: signals_along(*model, effect, *own))(motion, dt, before)
 
-    def lane(vector, effect):
-        template = eqx.tree_at(lambda d: d.effects[-1], setting.drive, effect)
-        effect = unpack(layout, template, vector[:count], setting.start[:count]).effects[-1]
-        return jax.vmap(lambda *own: signals_along(drive, effect, *own))(
-            motion, batch.u, batch.dt, batch.before
-        )
-
-    return jax.vmap(lane)(vectors, effects)
+    return jax.vmap(lane)(effects)
 
 
 @eqx.filter_jit

@@ -226,7 +226,7 @@ def _unexplained(
 
 
 def _experiments(steps: list[Step], progress: Progress) -> dict[str, NextExperiment]:
-    """Named effect -> the experiment that tells it from the closest of those that these recordings cannot tell it from."""
+    """Named effect -> the experiment that tells it from the closest of its class."""
     found = {}
     for step in steps:
         if step.accepted is None or not step.rivals:

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from frictionjax.diagnosis.judge import judge
-from frictionjax.diagnosis.name import forms_to_try, present_model, try_form
+from frictionjax.diagnosis.name import Present, forms_to_try, present_model, try_form
 from frictionjax.diagnosis.refit import Compared, Model, compare
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.robust_fit import descend
@@ -14,7 +14,9 @@ from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS
 
 _CONVERGED = 2  # variables whose maps are refitted: those whose one-step estimates gain most
-_LEAST_LEAD = 2.0  # standard errors by which the held-out error must fall
+_TAIL, _MARGIN = 0.05, 1.5  # of the excess left out on either side of a spot, and how much wider its map is
+_LEAST_LEAD = 1.5  # standard errors by which the held-out misfit must fall; few clusters may hold all of it
+_LEAST_SHARE = 0.1  # and by which part
 
 
 class ResidualModel(eqx.Module):
@@ -28,6 +30,20 @@ class ResidualModel(eqx.Module):
     model: Model
     compared: Compared
     helps: bool = eqx.field(static=True)
+
+
+def _spot(present: Present) -> tuple[float, float] | None:
+    """Middle and half width of the part of the stroke that holds most of the excess; None where that is much of it."""
+    batch, e = present.joint.batch, np.nan_to_num(np.asarray(present.e))
+    inside = np.asarray(batch.valid) > 0
+    x, excess = np.asarray(batch.x)[inside], np.maximum(e[inside] ** 2 - 1.0, 0.0)
+    order = np.argsort(x)
+    share = np.cumsum(np.minimum(excess, np.quantile(excess, 0.999))[order])
+    if not share[-1] > 0.0:
+        return None
+    low, high = np.interp((_TAIL, 1.0 - _TAIL), share / share[-1], x[order])
+    half = 0.5 * (high - low) * _MARGIN
+    return (float(0.5 * (low + high)), float(half)) if 2.0 * half < 0.5 * np.ptp(x) else None
 
 
 def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> ResidualModel | None:
@@ -47,10 +63,14 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = present_model(fast, model.fitted.vector)
+    spot = _spot(present)
 
     def test(item):
         variable, form = item
-        trials = try_form(present, forms_to_try(form, scales, {}), scales)
+        instances = forms_to_try(form, scales, {})
+        if spot is not None and variable.startswith("position"):
+            instances.append(form(middle=spot[0], half=spot[1]))
+        trials = try_form(present, instances, scales)
         return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
 
     def converge(item) -> ResidualModel:
@@ -58,12 +78,12 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
-        begun = descend(joint, vector, graduate=False, steps=10, tolerance=0.02)
+        begun = descend(joint, vector, steps=12, tolerance=0.02)
         slow = joint.at_bandwidth(SLOW_BANDWIDTH)
         fitted = descend(slow, begun.vector, graduate=False, steps=12, tolerance=0.01)
         found = Model(slow, fitted, judge(slow, fitted))
         compared = compare(model.judgement, found.judgement, floor)
-        helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > 0.0
+        helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > _LEAST_SHARE
         return ResidualModel(variable, found, compared, helps)
 
     tested = [found for some in executor.map(test, MAPS.items()) for found in some]

@@ -12,12 +12,11 @@ from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.constraints import Constraints, resolve
 from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_response, observed
+from frictionjax.estimation.joint import FAST_BANDWIDTH
 from frictionjax.estimation.loss import AbstractLoss, Gaussian
 from frictionjax.estimation.observation import Observation, Sorted, recordings_of, responses_of, sort_data
-from frictionjax.estimation.observer_fit import require_positive
-from frictionjax.estimation.parameters import pack, part_of
+from frictionjax.estimation.parameters import pack, part_of, weak_prior
 from frictionjax.estimation.posterior import Posterior
-from frictionjax.estimation.problem import FAST_BANDWIDTH, weak_prior
 from frictionjax.estimation.refine import Refined, refine
 from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
@@ -96,7 +95,7 @@ def fit(
     if not given:
         raise InputError("no start is given", place="`drive`", cure="Give a `Drive`.")
     for one in given:
-        require_positive(one)
+        _require_positive(one)
     pieces = sort_data(data)
     imposed = bool(pieces.forces) and not pieces.positions and not pieces.responses
     notes = pieces.notes
@@ -287,3 +286,13 @@ def _random(posterior: Posterior, vector, starts: int, key: Array) -> Float[Arra
     away = np.log(_SPREAD) * jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0)
     away = away * jnp.asarray(logs, dtype=float)[None]
     return jnp.tile(vector, (starts, 1)).at[:, :count].add(away)
+
+
+def _require_positive(drive: Drive) -> None:
+    """Raise the `ValueError` for a `drive` that does not start positive: zero would leave the fit where it began."""
+    values = {"J": drive.J} | {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
+    bad = [f"{name} = {float(value):g}" for name, value in values.items() if not float(value) > 0.0]
+    if bad:
+        raise ValueError(
+            f"`drive` starts at {', '.join(bad)}; a fit needs positive starting values, however small."
+        )

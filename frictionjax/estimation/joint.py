@@ -64,7 +64,7 @@ def _look(layout, vector, setting: Setting, fitted, knee) -> Look:
     off, deflected = _own_prior(vector, setting, recordings)
     # Two passes through the columns, no more: they are what takes the time beside the simulation.
     flat = columns.reshape(columns.shape[0], -1)
-    weighted = flat * weight.ravel()
+    weighted = flat * weight.ravel()[None]
     cost = jnp.sum(fitted * (_cost(power, knee, batch) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
     gradient = weighted @ e.ravel() + off * setting.prior
     return Look(power, cost, gradient, weighted @ flat.T + jnp.diag(setting.prior**2))

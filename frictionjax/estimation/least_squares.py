@@ -64,10 +64,6 @@ def error_jacobian(
     return e, jnp.concatenate([columns[:count], own])
 
 
-jacobian_of = eqx.filter_jit(error_jacobian)
-"""`error_jacobian`, compiled once for each layout and shared by all who need it outside the solver."""
-
-
 class Quadratic(eqx.Module):
     """A cost near one vector: its value, its `gradient`, shape `(q,)`, and a Gauss-Newton `hessian`, shape `(q, q)`."""
 
@@ -117,31 +113,6 @@ class AbstractObjective(eqx.Module):
         """The cost near `vector`, shape `(q,)`."""
 
 
-class Innovations(AbstractObjective):
-    """The cost of the innovations of one `Setting` under a `loss`, with its weak prior.
-
-    **Attributes:** `layout`, `setting` as in `predicted_errors`, `loss`.
-    """
-
-    layout: tuple[Free, ...]
-    setting: Setting
-    loss: AbstractLoss
-
-    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
-        """The cost near `vector`, shape `(q,)`."""
-        setting, batch = self.setting, self.setting.batch
-        e, columns = error_jacobian(self.layout, vector, setting)
-        blocks = quadratic_of(
-            e.reshape(-1, batch.block),
-            columns.reshape(columns.shape[0], -1, batch.block),
-            batch.block_count.ravel(),
-            self.loss,
-            jnp.ones(batch.block_count.size),
-        )
-        off = (vector - setting.start) * setting.prior
-        return blocks + Quadratic(0.5 * off @ off, off * setting.prior, jnp.diag(setting.prior**2))
-
-
 def small_residuals(near: Quadratic) -> tuple[Float[Array, " q1"], Float[Array, "q1 q"]]:
     """Residuals f, shape `(q + 1,)`, and a Jacobian A, shape `(q + 1, q)`, of the cost `near` a vector: f'f twice the
     cost, A'f the gradient, A'A the matrix.
@@ -170,27 +141,6 @@ def _residual_jvp(primals, tangents):
     point, objective = primals
     f, jacobian = small_residuals(objective.quadratic(point))
     return f, jacobian @ tangents[0]
-
-
-LANES = 5
-"""Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
-
-
-@eqx.filter_jit
-def _lanes(layout, vectors, setting):
-    return jax.vmap(lambda vector: predicted_errors(layout, vector, setting))(vectors)
-
-
-def errors_of(
-    layout: tuple[Free, ...], vectors: list[Float[Array, " q"]], setting: Setting
-) -> Float[Array, "k r n"]:
-    """Standardised innovations of any number of free vectors, shape `(k, r, n)`, five at a time."""
-    found = []
-    for first in range(0, len(vectors), LANES):
-        some = vectors[first : first + LANES]
-        padded = some + [some[-1]] * (LANES - len(some))
-        found.append(_lanes(layout, jnp.stack(padded), setting)[: len(some)])
-    return jnp.concatenate(found)
 
 
 class Descent(NamedTuple):

@@ -30,6 +30,7 @@ _FASTEST = 0.6
 # the stroke would be a spring.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4
+_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
 INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 
@@ -191,3 +192,10 @@ def at_a_bound(
         if not float(low) + near < float(coordinate) < float(high) - near:
             ends.append(free.label)
     return tuple(ends)
+
+
+def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Array, " q"]:
+    """Inverse standard deviations of the weak prior for the parameters of `layout` and the starting deflections of
+    so many `recordings`, shape `(q,)`."""
+    deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
+    return 1.0 / jnp.asarray(deviation + [_PRIOR_DEFLECTION] * recordings)

@@ -17,10 +17,10 @@ from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.constraints import resolve
 from frictionjax.estimation.evidence import Observed, observed
+from frictionjax.estimation.joint import FAST_BANDWIDTH
 from frictionjax.estimation.loss import Gaussian
-from frictionjax.estimation.parameters import pack
+from frictionjax.estimation.parameters import pack, weak_prior
 from frictionjax.estimation.posterior import Posterior
-from frictionjax.estimation.problem import FAST_BANDWIDTH, weak_prior
 from frictionjax.estimation.refine import SHORT
 from frictionjax.estimation.result import CLUSTER, honest_covariance, inverse_of
 from frictionjax.estimation.scales import plant_scales

@@ -1,8 +1,6 @@
-"""Standardised innovations of a whole batch, and the robust likelihood built on them."""
+"""Standardised innovations of a whole batch."""
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import Batch
@@ -54,19 +52,3 @@ def standardised(
 def block_power(e: Float[Array, "r n"], batch: Batch) -> Float[Array, "r b"]:
     """Mean square of the standardised innovations in each block, shape `(r, b)`."""
     return batch.block_mean(e * e)
-
-
-def weights(power: Float[Array, "r b"], knee: Float[Array, ""], batch: Batch) -> Float[Array, "r n"]:
-    """Weight of each sample, 1 / (block power + knee^2): the re-weighting of the block-wise Cauchy likelihood."""
-    weight = 1.0 / (power + knee * knee)
-    return jnp.repeat(weight, batch.block, axis=-1) * batch.valid
-
-
-@eqx.filter_jit
-def mismatch(power: Float[Array, "r b"], floor: Float[Array, ""], batch: Batch) -> Float[Array, ""]:
-    """Mean per sample of 1/2 log((block power + floor) / (2 floor)): 0 when every block is at the `floor` (1: noise).
-
-    The block-wise Cauchy likelihood: every block counts by its relative error.
-    """
-    count = batch.block_count
-    return 0.5 * jnp.sum(count * jnp.log((power + floor) / (2.0 * floor))) / jnp.sum(count)

@@ -2,43 +2,14 @@
 
 from collections.abc import Mapping
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
-from frictionjax.estimation.least_squares import Setting, jacobian_of
+from frictionjax.estimation.least_squares import Setting
 from frictionjax.estimation.parameters import Free, physical
 
-CLUSTER_BLOCKS = 10
-"""Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
-
 _LEANS = 0.25  # of the prior's variance: data that leave more of it than this say little
-
-
-def normal_equations(
-    layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
-) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
-    """Weighted Gauss-Newton matrix with the prior, shape `(q, q)`, and the gradient of each cluster, `(c, q)`."""
-    return _products(*jacobian_of(layout, vector, setting), setting)
-
-
-@eqx.filter_jit
-def _products(e, jacobian, setting):
-    hessian = jnp.einsum("irn,jrn,rn->ij", jacobian, jacobian, setting.weight) + jnp.diag(setting.prior**2)
-    return hessian, cluster_gradients(e, jacobian, setting)
-
-
-def cluster_gradients(
-    e: Float[Array, "r n"], columns: Float[Array, "q r n"], setting: Setting
-) -> Float[Array, "c q"]:
-    """Weighted products of the innovations with each column, summed over clusters of 0.5 s; shape `(c, q)`."""
-    product = columns * (e * setting.weight)[None]
-    length = setting.batch.block * CLUSTER_BLOCKS
-    short = -product.shape[-1] % length
-    product = jnp.pad(product, ((0, 0), (0, 0), (0, short)))
-    return product.reshape(columns.shape[0], -1, length).sum(-1).T
 
 
 def sandwich(hessian: np.ndarray, gradients: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:

@@ -16,8 +16,7 @@ from jaxtyping import Float
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real
 from frictionjax.estimation import FitResult
-from frictionjax.estimation.parameters import Free, pack
-from frictionjax.estimation.problem import weak_prior
+from frictionjax.estimation.parameters import Free, pack, weak_prior
 from frictionjax.information.fisher import Information, inverse_information, scaled_to_ones
 from frictionjax.information.null_directions import CURES, OTHER, NullSearch, words_of
 from frictionjax.information.planned import MOTOR, layout_of, part_of, scale_of, values_of

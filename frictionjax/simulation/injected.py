@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.safe import sign
 from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects import (
     About,
@@ -96,97 +97,116 @@ class Signals(eqx.Module):
     shown: Float[Array, " n"]
 
 
+class Along(eqx.Module):
+    """What a model knows along one recording; arrays of shape `(n,)`, plain numbers whatever effects the model has.
+
+    **Attributes:** `u` (recorded input), `push` (motor force), `x`, `v`, `z` (LuGre's bristle), `spring` (its force),
+    `level` (G), `w` (velocity that the bristles see), `lost` (what LuGre's bristle slips, of |w|), `sigma1`, and `a`,
+    the acceleration.
+    """
+
+    u: Float[Array, " n"]
+    push: Float[Array, " n"]
+    x: Float[Array, " n"]
+    v: Float[Array, " n"]
+    z: Float[Array, " n"]
+    spring: Float[Array, " n"]
+    level: Float[Array, " n"]
+    w: Float[Array, " n"]
+    lost: Float[Array, " n"]
+    sigma1: Float[Array, " n"]
+    a: Float[Array, " n"]
+
+
+def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
+    """What `drive` knows along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s a sample."""
+    bristles = drive.bristles()
+
+    def one(state: State, u, push):
+        spring = drive.spring_force(state.z[0])
+        now = drive.instant(state.x, state.v, push, spring, state.hidden)
+        level, w = drive.level_at(now), drive.bristle_speed(now)
+        opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
+        lost, a = drive.slip(spring / level, w), (push - opposing) / drive.J
+        sigma1 = drive.sigma1(state.v) + 0.0 * state.v
+        return Along(u, push, state.x, state.v, state.z[0], spring, level, w, lost, sigma1, a)
+
+    return jax.vmap(one)(motion, u, drive.applied_force(u, dt))
+
+
 def signals_along(
-    drive: Drive,
+    friction: LuGre,
+    inertia: Float[Array, ""],
+    motor_constant: Float[Array, ""],
     effect: AbstractEffect,
-    motion: State,
-    u: Float[Array, " n"],
+    known: Along,
     dt: Float[Array, ""],
     before: Before,
 ) -> Signals:
-    """What `effect` would add to the equations of `drive` along a known motion.
+    """What `effect`, at any strength, would add to a model's equations along a known motion.
 
     **Arguments:**
 
-    - `drive`: the model without the effect.
-    - `effect`: the effect, at any strength.
-    - `motion`: states of `drive` at the samples, arrays of shape `(n, ...)`.
-    - `u`: recorded input, shape `(n,)`.
+    - `friction`, `inertia`, `motor_constant`: of the model.
+    - `effect`: the effect.
+    - `known`: from `along`.
     - `dt`: s per sample.
     - `before`: what was before the first sample.
     """
-    friction, bristles, n = drive.friction, drive.bristles(), u.shape[0]
-    push = drive.applied_force(u, dt)
-    other = (
-        drive.with_effects(effect).applied_force(u, dt) if isinstance(effect, AbstractInputEffect) else push
-    )
+    n = known.u.shape[0]
+    other = known.push
+    if isinstance(effect, AbstractInputEffect):
+        other = other + motor_constant * (effect.apply(known.u, dt) - known.u)
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
     first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
-    t = jnp.arange(n, dtype=u.dtype) * dt
 
-    def acceleration(state: State, push):
-        opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
-        return (push - opposing) / drive.J
-
-    def whole(state: State, push):
-        spring = drive.spring_force(state.z[0])
-        return drive.instant(state.x, state.v, push, spring, state.hidden)
-
-    def sample(carry, inputs):
+    def sample(carry, here: Along):
         hidden, plays, load = carry
-        state, push = inputs
-        now = whole(state, push)
-        own = Now(now.x, now.v, now.push, now.spring, hidden)
-        level, w = drive.level_at(now), drive.bristle_speed(now)
-        bend = now.spring / level
+        own = Now(here.x, here.v, here.push, here.spring, hidden)
         against, lift, bend_force, more_slip, damp, slow = 0.0, 1.0, 0.0, 0.0, 1.0, 0.0
         if isinstance(effect, AbstractForceEffect):
             against = effect.force(friction, own)
         if isinstance(effect, AbstractLevelEffect):
-            lift = jnp.maximum(effect.level(level, friction, own) / level, 0.05)
+            lift = jnp.maximum(effect.level(here.level, friction, own) / here.level, 0.05)
         if isinstance(effect, AbstractSpringEffect):
-            bend_force = effect.spring(now.spring, friction, state.z[0]) - now.spring
+            bend_force = effect.spring(here.spring, friction, here.z) - here.spring
         if isinstance(effect, AbstractSlipEffect):
-            direction = jnp.where(w < 0.0, -1.0, 1.0)
-            lost = drive.slip(bend, w)
-            more_slip = effect.slip(lost, direction) - lost
+            more_slip = effect.slip(here.lost, sign(here.w)) - here.lost
         if isinstance(effect, AbstractDampingEffect):
-            damp = effect.damping(friction, state.v)
+            damp = effect.damping(friction, here.v)
         if isinstance(effect, AbstractCreepEffect):
             slow = effect.bristle_speed(friction, own)
         if isinstance(effect, AbstractBristleEffect):
             share, slack = effect.share_and_yield()
-            limit = level * slack / friction.sigma0
-            moved = bristles.cut(plays + w * dt, limit)
-            rate = w - jnp.abs(w) * bend
-            against = friction.sigma0 * jnp.sum(share * (plays - state.z[0]))
-            against = against + drive.sigma1(state.v) * jnp.sum(share * ((moved - plays) / dt - rate))
+            limit = here.level * slack / friction.sigma0
+            moved = jnp.clip(plays + here.w * dt, -limit, limit)
+            rate = here.w - jnp.abs(here.w) * here.lost
+            against = friction.sigma0 * jnp.sum(share * (plays - here.z))
+            against = against + here.sigma1 * jnp.sum(share * ((moved - plays) / dt - rate))
             plays = moved
         if isinstance(effect, AbstractLoadEffect):
             side = effect.load_side()
             beyond = load[0] - jnp.clip(load[0], -side.half_gap, side.half_gap)
             touches = jnp.where(jnp.abs(load[0]) >= side.half_gap, 1.0, 0.0)
-            a1 = acceleration(state, push)
             # Damping implicit: the fastest couplings would blow up.
-            pull = -side.stiffness * beyond - a1
-            faster = (load[1] + dt * pull) / (1.0 + dt * side.damping * touches)
-            against = against + side.ratio * drive.J * (faster - load[1]) / dt
+            faster = (load[1] - dt * (side.stiffness * beyond + here.a)) / (1.0 + dt * side.damping * touches)
+            against = against + side.ratio * inertia * (faster - load[1]) / dt
             load = jnp.stack([load[0] + dt * faster, faster])
-        if states:
-            hidden = relaxed(hidden, *effect.relax(friction, own), dt)  # type: ignore[attr-defined]
+        if isinstance(effect, AbstractStateEffect):
+            hidden = relaxed(hidden, *effect.relax(friction, own), dt)
         parts = (against, lift, bend_force, more_slip, damp, slow)
-        return (hidden, plays, load), Injection(*(part + 0.0 * state.x for part in parts))
+        return (hidden, plays, load), Injection(*(part + 0.0 * here.x for part in parts))
 
     count = effect.count if isinstance(effect, AbstractBristleEffect) else 0
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
-        _, injection = jax.lax.scan(sample, carry, (motion, push))
+        _, injection = jax.lax.scan(sample, carry, known)
     else:
         # Without memory the samples go side by side.
-        injection = jax.vmap(lambda *inputs: sample(carry, inputs)[1])(motion, push)
+        injection = jax.vmap(lambda here: sample(carry, here)[1])(known)
     shown = jnp.zeros(n)
     if isinstance(effect, AbstractSensorEffect):
-        shown = jax.vmap(effect.seen)(motion.x, motion.v, t) - motion.x
+        shown = jax.vmap(effect.seen)(known.x, known.v, jnp.arange(n, dtype=known.x.dtype) * dt) - known.x
     return Signals(injection, other, shown)
 
 
