@@ -150,6 +150,25 @@ def plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
+def fill(path: Path, plan: str, strengths: list[str], seeds: list[int], only: list[str]) -> None:
+    """Diagnose what the plan asks for and is not in the file at `path` yet; a line each, printed as they come."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    key = ("seed", "missing", "strength", "without")
+    lines = path.read_text().splitlines() if path.exists() else []
+    done = {json.dumps([json.loads(line)[k] for k in key]) for line in lines}
+    for job in jobs(plan, strengths, seeds, only):
+        if json.dumps([job[k] for k in key]) in done:
+            continue
+        line = diagnosed(job)
+        with path.open("a") as file:
+            file.write(json.dumps(line, default=plain) + "\n")
+        sys.stderr.write(
+            f"{','.join(job['missing']) or 'nothing'} {job['strength']} {job['seed']}: {line['verdict']} "
+            f"{','.join(line['named'])} {line['seconds']:.0f} s (compile {line['compile']:.0f})\n"
+        )
+        sys.stderr.flush()
+
+
 def main() -> None:
     """Diagnose, and append to the file."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -161,21 +180,7 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    key = ("seed", "missing", "strength", "without")
-    lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
-    done = {json.dumps([json.loads(line)[k] for k in key]) for line in lines}
-    for job in jobs(arguments.plan, arguments.strengths, arguments.seeds, arguments.only):
-        if json.dumps([job[k] for k in key]) in done:
-            continue
-        line = diagnosed(job)
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line, default=plain) + "\n")
-        sys.stdout.write(
-            f"{','.join(job['missing']) or 'nothing'} {job['strength']} {job['seed']}: {line['verdict']} "
-            f"{','.join(line['named'])} {line['seconds']:.0f} s (compile {line['compile']:.0f})\n"
-        )
-        sys.stdout.flush()
+    fill(arguments.out, arguments.plan, arguments.strengths, arguments.seeds, arguments.only)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,169 @@
+"""`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines that share no equation with it.
+
+    python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--tables]
+
+Machines, experiments, effects and noise are drawn by `benchmarks.concealed`. A run that stops goes on where it was,
+from the lines in `--out`; `--tables` prints what is there and diagnoses nothing. Hours at full size.
+"""
+
+import argparse
+import json
+import sys
+import warnings
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import numpy as np
+
+import frictionjax as fj
+from benchmarks.bank import fill
+from benchmarks.concealed import CATALOGUE
+
+STRENGTHS = ["strong", "medium"]
+"""Clearly visible, and a third of it."""
+SIZES = {
+    "constant_load": ("load", "force", lambda v: v),
+    "return_spring": ("stiffness", "stiffness", lambda v: v),
+    "direction_asymmetry": ("coulomb", "level", lambda v: v),
+    "stribeck_shape": ("exponent_change", "exponent", lambda v: v - 2.0),
+    "friction_lag": ("lag", "time", lambda v: v),
+    "load_dependence": ("growth", "mu", lambda v: v),
+    "quadratic_drag": ("drag", "coefficient", lambda v: v),
+    "delay": ("delay", "time", lambda v: v),
+    "drive_lag": ("time_constant", "time", lambda v: v),
+    "drive_deadzone": ("width", "half_width", lambda v: v),
+    "elasto_plastic": ("core", "breakaway_ratio", lambda v: v),
+}
+"""Effects whose size means the same in the simulator and here: our parameter, its own, and how to get ours from its."""
+
+
+def outcome(line: dict) -> str:
+    """named right, right within its class, abstained (nothing or `unknown`), or wrong."""
+    true = set(line["missing"])
+    if not line["named"]:
+        return "abstained"
+    if line["named"][0] in true:
+        return "named"
+    return "class" if true & set(line["classes"][0]) else "wrong"
+
+
+def recovered(line: dict) -> float:
+    """Part of the held-out error 0.1 s ahead above the noise that the extended model removes; all recordings, each in
+    units of its noise. Not a number where the base model is at the noise."""
+    before, after = 0.0, 0.0
+    for base, extended, noise in line["held"].values():
+        before += max((base / noise) ** 2 - 1.0, 0.0)
+        after += max((extended / noise) ** 2 - 1.0, 0.0)
+    return 1.0 - after / before if before > 1.0 else float("nan")
+
+
+def size_error(line: dict) -> tuple[float, float] | None:
+    """Relative error of the size, and the same in standard errors; None where the sizes do not compare."""
+    if outcome(line) != "named" or line["named"][0] not in SIZES:
+        return None
+    effect = line["named"][0]
+    ours, theirs, convert = SIZES[effect]
+    truth = line["sizes"].get(effect, {})
+    if ours not in line["parameters"][0] or not isinstance(truth.get(theirs), float):
+        return None
+    true, (value, stderr) = convert(truth[theirs]), line["parameters"][0][ours]
+    return abs(value / true - 1.0), abs(value - true) / stderr if stderr and np.isfinite(stderr) else np.nan
+
+
+def table_of_effects(lines: list[dict], write) -> None:
+    """Named, class, abstained, wrong by effect and strength; size errors; held-out recovery; seconds."""
+    write(
+        "| effect | strength | cases | misfit | named | class | abstained | wrong (as) | size error | recovered | s |"
+    )
+    write("|---|---|---|---|---|---|---|---|---|---|---|")
+    grouped = defaultdict(list)
+    for line in lines:
+        grouped[",".join(line["missing"]), line["strength"]].append(line)
+    for (name, strength), some in grouped.items():
+        counts = Counter(outcome(line) for line in some)
+        wrong = ", ".join(line["named"][0] for line in some if outcome(line) == "wrong")
+        errors = [e[0] for e in map(size_error, some) if e is not None]
+        misfit = np.median([max(line["steps"][0]["misfits_unit"]) for line in some])
+        write(
+            f"| {name} | {strength} | {len(some)} | {misfit:.3f} | {counts['named']} | {counts['class']} | "
+            f"{counts['abstained']} | {counts['wrong']} {f'({wrong})' if wrong else ''} | "
+            f"{f'{100 * np.median(errors):.1f} %' if errors else ''} | "
+            f"{np.median([recovered(line) for line in some]):.2f} | "
+            f"{np.median([line['seconds'] for line in some]):.0f} |"
+        )
+
+
+def summary(read: dict[str, list[dict]], write) -> None:
+    """The sums that the goals are about."""
+    for strength in STRENGTHS:
+        some = [line for line in read["one"] if line["strength"] == strength]
+        if some:
+            right = sum(outcome(line) in ("named", "class") for line in some)
+            wrong = sum(outcome(line) == "wrong" for line in some)
+            write(f"- {strength}: right within class {right} of {len(some)}, named wrongly {wrong}.")
+            seen = [line for line in some if max(line["steps"][0]["misfits_unit"]) > 0.02]
+            right = sum(outcome(line) in ("named", "class") for line in seen)
+            write(
+                f"  Where the base model misses by more than 2 % of a nat a sample: {right} of {len(seen)}."
+            )
+    errors = [e for line in read["one"] if (e := size_error(line)) is not None]
+    if errors:
+        inside = np.mean([e[1] < 1.96 for e in errors if np.isfinite(e[1])])
+        write(
+            f"- sizes that compare, {len(errors)}: median error {100 * np.median([e[0] for e in errors]):.2f} %; in "
+            f"the 95 % interval {100 * inside:.0f} %."
+        )
+    for plan, words in (("none", "nothing missing"), ("outside", "outside the catalogue")):
+        if read[plan]:
+            counts = Counter(line["verdict"] for line in read[plan])
+            write(f"- {words}, {len(read[plan])}: " + ", ".join(f"{v} {n}" for v, n in counts.items()) + ".")
+    if read["left"]:
+        named = sum(line["verdict"] == "named" for line in read["left"])
+        write(
+            f"- own effect left out of the catalogue, {len(read['left'])}: named another one {named} times."
+        )
+    if read["pairs"]:
+        hits = sum(len(set(line["missing"]) & set(line["named"])) for line in read["pairs"])
+        total = sum(len(line["missing"]) + len(set(line["named"])) for line in read["pairs"])
+        write(f"- pairs, {len(read['pairs'])}: F1 {2 * hits / total:.2f}.")
+
+
+def main() -> None:
+    """Diagnose and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--nulls", type=int, default=40)
+    parser.add_argument("--effects", nargs="*", default=list(CATALOGUE))
+    parser.add_argument("--plans", nargs="*", default=["one", "none", "left", "pairs", "outside"])
+    parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
+    parser.add_argument("--tables", action="store_true")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
+    fj.configure_jax()
+    seeds = list(range(arguments.seeds))
+    if not arguments.tables:
+        for plan in arguments.plans:
+            many = {"none": list(range(arguments.nulls)), "left": [0], "outside": [0], "pairs": [0, 1]}.get(
+                plan
+            )
+            strengths = STRENGTHS if plan == "one" else ["strong"]
+            only = arguments.effects if plan in ("one", "left") else []
+            fill(arguments.out / f"{plan}.jsonl", plan, strengths, many or seeds, only)
+    read = {}
+    for plan in ("one", "none", "left", "pairs", "outside"):
+        path = arguments.out / f"{plan}.jsonl"
+        read[plan] = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+    def write(text: str) -> None:
+        sys.stdout.write(text + "\n")
+
+    for plan, lines in read.items():
+        if lines:
+            write(f"\n### {plan}\n")
+            table_of_effects(lines, write)
+    write("\n### in all\n")
+    summary(read, write)
+
+
+if __name__ == "__main__":
+    main()
