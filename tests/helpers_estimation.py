@@ -1,11 +1,16 @@
 """Short simulated recordings of plants with known parameters: what fits and diagnoses are tested on."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_plants import ROTARY, effect
 
+from frictionjax.core import silent
+from frictionjax.diagnosis.base_fit import fit_base
+from frictionjax.estimation.batch import make_batch
 from frictionjax.excitation import gaussian_noise, point_to_point, prbs
 from frictionjax.recordings import Case, Plant, Recording
 from frictionjax.simulation import simulate
@@ -128,3 +133,11 @@ def small_case(*, drive=PLANT, late=0, seed=0, seconds=4.0):
         encoder_step=FINE,
     )
     return Case("small", plant, (*experiment(drive=drive, late=late, seed=seed, seconds=seconds), held))
+
+
+def base_fit(starts, recordings, *, progress=silent, known_inertia=False):
+    """The base model fitted robustly to those of the `recordings` that are not kept aside: a `Model`."""
+    held_out = np.array([recording.role == "holdout" for recording in recordings])
+    batch = make_batch(tuple(recordings), encoder_step=FINE)
+    with ThreadPoolExecutor(2) as executor:
+        return fit_base(starts, batch, held_out, executor, progress, known_inertia=known_inertia)

@@ -1,7 +1,9 @@
 """Plants with known parameters, and every form of every effect: what the physics is tested on."""
 
+import pytest
+
 from frictionjax.physics import Drive, LuGre, catalogue
-from frictionjax.physics.effects.base import AbstractLoadEffect, AbstractSensorEffect
+from frictionjax.physics.effects.base import AbstractLoadEffect, AbstractSensorEffect, AbstractStateEffect
 
 TABLE_I = Drive(J=1.0, friction=LuGre(sigma0=1e5, sigma1=1e5**0.5, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3))
 """A unit mass with the parameters of Table I, as in Canudas de Wit et al. (1995): N, m, s."""
@@ -59,6 +61,9 @@ SENSORS = tuple(name for name, form in FORMS.items() if issubclass(form, Abstrac
 LOADS = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractLoadEffect))
 """Forms with an inertia of their own, of which a drive takes one."""
 
+STATES = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractStateEffect))
+"""Forms with states of their own."""
+
 STRENGTHS = [(name, parameter.name) for name, form in FORMS.items() for parameter in form.strengths]
 """Every strength of every form."""
 
@@ -74,9 +79,9 @@ LARGE = {
     "DriveDeadzone": (0.3,),
     "DriveLag": (1e-3,),
     "SoftSaturation": (0.03,),
-    "HardSaturation": (0.3,),
-    "DwellStrengthening": (0.1,),
-    "SaturatingStrengthening": (0.4,),
+    "HardSaturation": (0.5,),
+    "DwellStrengthening": (0.3,),
+    "SaturatingStrengthening": (2.0,),
     "ElastoPlastic": (0.8,),
     "EncoderError": (3e-7, -2e-7),
     "FlexibleTransmission": (0.3,),
@@ -88,6 +93,7 @@ LARGE = {
     "SharpYield": (1.5,),
     "MicroDamping": (0.8,),
     "NonlinearBristle": (0.6,),
+    "NonlinearBristleByDeflection": (0.4,),
     "PositionDependence": (0.3, -0.2),
     "PeriodicPositionDependence": (0.2, 0.2),
     "QuadraticDrag": (1e3,),
@@ -105,12 +111,6 @@ LARGE = {
 """Strengths of each form that tell on a plant of the size of Table I; elasto-slip elements have tests of their own."""
 
 
-def alone(form):
-    """One number for each of STRENGTHS: those of LARGE for `form`, zero for the others."""
-    own = dict(zip([parameter.name for parameter in FORMS[form].strengths], LARGE[form], strict=True))
-    return [own[strength] if name == form else 0.0 for name, strength in STRENGTHS]
-
-
 def effect(name, **strengths):
     """The form `name`, with zero strengths but those given."""
     return FORMS[name](**(NUISANCES.get(name, {}) | strengths))
@@ -126,3 +126,35 @@ def with_every_effect(drive, strengths, *, but=()):
             if form not in but
         )
     )
+
+
+_APART = (*STATES, *LOADS, *SENSORS, "MaxwellSlip")
+
+_ONE_A_SLOT = (
+    *(
+        "ConstantLoad",
+        "Creep",
+        "Delay",
+        "DirectionAsymmetry",
+        "ViscousAsymmetry",
+        "DriveLag",
+        "ElastoPlastic",
+    ),
+    *("LoadDependence", "MicroDamping", "NonlinearBristle", "PositionDependence", "Ripple", "StribeckShape"),
+)
+
+MOVERS = [
+    pytest.param(form, marks=() if form in _ONE_A_SLOT else pytest.mark.slow)
+    for form in FORMS
+    if form not in (*SENSORS, "MaxwellSlip")
+]
+"""Every form that changes how a machine moves, but elasto-slip elements; one or two of each slot are not slow."""
+
+
+def in_large(form):
+    """TABLE_I with the strengths LARGE of `form`: one structure, and one compilation, for all forms but a few."""
+    own = dict(zip([parameter.name for parameter in FORMS[form].strengths], LARGE[form], strict=True))
+    if form in _APART:
+        return TABLE_I.with_effects(effect(form, **own))
+    strengths = [own[strength] if name == form else 0.0 for name, strength in STRENGTHS]
+    return with_every_effect(TABLE_I, strengths, but=_APART)

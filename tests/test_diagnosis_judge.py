@@ -1,22 +1,44 @@
 """The judgement: what a model explains, on the recordings it was fitted to and on those kept aside."""
 
-from types import SimpleNamespace
-
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, RATE, small_case
 
 from frictionjax.diagnosis.evaluate import recording_fits, view
-from frictionjax.diagnosis.judge import advantage, energy_explained, explained, judge, make_scene
+from frictionjax.diagnosis.judge import Judgement, Scene, advantage, energy_explained, explained, judge
 from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, losses_of, make_joint
+from frictionjax.estimation.parameters import pack
+from frictionjax.estimation.robust_fit import Fitted
 from frictionjax.recordings import Recording
 
+NOISE = np.ones((1, 1))
+"""The floor that nothing but noise leaves."""
 
-def _misfits(fit, holdout):
-    return SimpleNamespace(misfit_fit=fit, misfit_holdout=holdout)
+
+def _quiet(name, role, samples):
+    x = 1e-6 * np.random.default_rng(samples).standard_normal(samples)
+    return Recording(name, RATE, np.zeros(samples), x, role=role)
 
 
+@pytest.fixture(scope="module")
+def quiet():
+    """A recording kept aside and a longer one to fit, of which nothing but the shape is used."""
+    return make_batch((_quiet("kept", "holdout", 3000), _quiet("fit", "fit", 4000)), encoder_step=FINE)
+
+
+def _judged(batch, power, held_out=(True, False)):
+    return Judgement(PLANT, jnp.zeros(9), power, np.array(held_out), batch)
+
+
+def _powers(batch, fit, holdout):
+    """Block powers whose misfits are these."""
+    return np.ones(batch.block_count.shape) * (2.0 * np.exp(2.0 * np.array([[holdout], [fit]])) - 1.0)
+
+
+@pytest.mark.parametrize("floor", [1.0, 1.4])
 @pytest.mark.parametrize(
     ("before", "after", "shares"),
     [
@@ -26,33 +48,50 @@ def _misfits(fit, holdout):
         ((0.0, -0.001), (0.2, 0.2), (0.0, 0.0)),
     ],
 )
-def test_the_explained_share_is_that_of_the_misfit(before, after, shares):
-    assert explained(_misfits(*before), _misfits(*after)) == pytest.approx(shares)
+def test_the_explained_share_is_that_of_the_misfit_above_the_floor(quiet, before, after, shares, floor):
+    ground = floor * np.ones(quiet.block_count.shape)
+    judged = [_judged(quiet, floor * _powers(quiet, *misfits)) for misfits in (before, after)]
+    assert judged[0].misfits(ground) == pytest.approx(before, abs=1e-9)
+    assert explained(*judged, ground) == pytest.approx(shares, abs=1e-9)
 
 
-def _losses(loss):
-    return SimpleNamespace(loss=np.asarray(loss, float))
+def _with_losses(batch, lead):
+    """A judgement whose loss in cluster k of recording r is `lead[r, k]`, in its first block."""
+    power = np.ones(batch.block_count.shape)
+    count = np.asarray(batch.block_count)
+    for row, losses in enumerate(np.asarray(lead, float)):
+        for cluster, loss in enumerate(losses):
+            power[row, 10 * cluster + 5] = 2.0 * np.exp(2.0 * loss / count[row, 10 * cluster + 5]) - 1.0
+    return _judged(batch, power)
 
 
-def test_a_lead_is_counted_in_its_own_standard_errors():
-    lead = np.array([[1.0, 3.0, 2.0, 6.0], [2.0, 0.0, 4.0, 1.0]])
-    ours, theirs = _losses(np.zeros((2, 4))), _losses(lead)
+def test_a_lead_is_counted_in_its_own_standard_errors(quiet):
+    lead = np.array([[1.0, 3.0, 2.0], [2.0, 0.0, 4.0]])
+    ours, theirs = _with_losses(quiet, np.zeros((2, 3))), _with_losses(quiet, lead)
+    np.testing.assert_allclose(theirs.clusters(NOISE)[:, :3], lead, atol=1e-9)
     rows = np.array([True, True])
     # Clusters in which both are the same (no samples, or no difference) say nothing.
     paired = lead[lead != 0.0]
-    assert advantage(ours, theirs, rows) == pytest.approx(paired.sum() / (np.sqrt(7) * paired.std()))
-    assert advantage(theirs, ours, rows) == -advantage(ours, theirs, rows)
-    only = np.array([True, False])
-    assert advantage(ours, theirs, only) == pytest.approx(lead[0].sum() / (2.0 * lead[0].std()))
-    few = _losses([[1.0, 3.0, 2.0, 0.0]])
-    assert advantage(_losses(np.zeros((1, 4))), few, np.array([True])) == 0.0
+    expected = paired.sum() / (np.sqrt(5) * paired.std())
+    assert advantage(ours, theirs, rows, NOISE) == pytest.approx(expected)
+    assert advantage(theirs, ours, rows, NOISE) == -advantage(ours, theirs, rows, NOISE)
+    # Three clusters are too few to know their scatter.
+    assert advantage(ours, theirs, np.array([True, False]), NOISE) == 0.0
 
 
 def test_noise_against_noise_leads_by_no_more_than_chance():
+    batch = make_batch((_quiet("long", "fit", 40000),), encoder_step=FINE)
     rng = np.random.default_rng(5)
     rows = np.array([True])
     leads = [
-        advantage(_losses(rng.standard_normal((1, 40))), _losses(rng.standard_normal((1, 40))), rows)
+        advantage(
+            *(
+                _judged(batch, 1.0 + 0.1 * rng.standard_normal(batch.block_count.shape), (False,))
+                for _ in "ab"
+            ),
+            rows,
+            NOISE,
+        )
         for _ in range(400)
     ]
     # Forty clusters: nearly a standard normal deviate.
@@ -60,101 +99,86 @@ def test_noise_against_noise_leads_by_no_more_than_chance():
     assert 0.85 < np.std(leads) < 1.25
 
 
-def _quiet(name, role, samples):
-    x = 1e-6 * np.random.default_rng(samples).standard_normal(samples)
-    return Recording(name, RATE, np.zeros(samples), x, role=role)
-
-
-@pytest.fixture(scope="module")
-def quiet_scene():
-    """One recording to fit, a shorter one kept aside, of which nothing but the shape is used."""
-    recordings = (_quiet("kept", "holdout", 3000), _quiet("fit", "fit", 4000))
-    return make_scene(
-        make_batch(recordings, encoder_step=FINE), np.array([True, False]), tuple(r.name for r in recordings)
-    )
-
-
-def test_energy_is_explained_above_the_floor_and_without_the_wildest_blocks(quiet_scene):
-    shape = quiet_scene.batch.block_count.shape
-    before = np.full(shape, 11.0)
-    after = np.full(shape, 3.5)
+def test_energy_is_explained_above_the_floor_and_without_the_wildest_blocks(quiet):
+    shape = quiet.block_count.shape
+    before, after = np.full(shape, 11.0), np.full(shape, 3.5)
     before[:, 10], after[:, 10] = 1e9, 1e9
-    shares = energy_explained(SimpleNamespace(power=before), SimpleNamespace(power=after), quiet_scene)
+    shares = energy_explained(_judged(quiet, before), _judged(quiet, after), NOISE)
     # The one block that no model mends counts as the 95 % quantile: ten floors of excess, as the others before.
-    blocks = np.sum(np.asarray(quiet_scene.batch.block_count) > 0, axis=1)
+    blocks = np.sum(np.asarray(quiet.block_count) > 0, axis=1)
     expected = [((n - 1) * 7.5) / (n * 10.0) for n in (blocks[1], blocks[0])]
     assert shares == pytest.approx(expected)
 
 
-def test_without_excess_no_energy_is_explained(quiet_scene):
-    floor = np.full(quiet_scene.batch.block_count.shape, 0.9)
-    lower = SimpleNamespace(power=0.5 * floor)
-    assert energy_explained(SimpleNamespace(power=floor), lower, quiet_scene) == (0.0, 0.0)
-
-
-def test_no_observer_is_faster_than_a_tenth_of_the_sampling(quiet_scene):
-    assert quiet_scene.bandwidth == 50.0
-    slow = Recording("slow", 200.0, np.zeros(400), 1e-6 * np.random.default_rng(0).standard_normal(400))
-    scene = make_scene(make_batch((slow,), encoder_step=FINE), np.array([False]), (slow.name,))
-    assert scene.bandwidth == 20.0
+def test_without_excess_no_energy_is_explained(quiet):
+    floor = np.full(quiet.block_count.shape, 0.9)
+    assert energy_explained(_judged(quiet, floor), _judged(quiet, 0.5 * floor), NOISE) == (0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
 def small():
-    """The small case with nothing missing, and its scene."""
+    """The small case with nothing missing before the slow observer."""
     case = small_case()
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=FINE)
-    return recordings, make_scene(
-        batch, np.array([r.role == "holdout" for r in recordings]), tuple(r.name for r in recordings)
-    )
+    joint, _ = make_joint(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
+    return recordings, joint.at_bandwidth(SLOW_BANDWIDTH)
+
+
+def _judge(joint, drive):
+    """`drive` before the recordings of `joint`, nothing fitted."""
+    vector = jnp.concatenate([pack(joint.layout, drive), jnp.zeros(joint.fitted.size)])
+    return judge(joint, Fitted(vector, joint.look(vector), 0.0, True))
 
 
 @pytest.fixture(scope="module")
 def judged(small):
     """The true plant, and one with 5 % more Coulomb friction, before the same recordings."""
     wrong = eqx.tree_at(lambda d: d.friction.Fc, PLANT, 1.05 * PLANT.friction.Fc)
-    return judge(PLANT, small[1]), judge(wrong, small[1])
+    return _judge(small[1], PLANT), _judge(small[1], wrong)
 
 
 def test_the_truth_is_judged_as_noise(judged):
     true, _ = judged
-    assert true.structure < 0.01
+    fit, holdout = true.misfits(NOISE)
     # A recording of 2.4 s knows its own noise to 2 %, which is 0.02 of misfit.
-    assert abs(true.misfit_fit) < 0.02
-    assert abs(true.misfit_holdout) < 0.04
-    assert np.max(np.abs(true.deflection)) < 0.2
+    assert abs(fit) < 0.02
+    assert abs(holdout) < 0.04
+    np.testing.assert_array_equal(true.deflection, np.zeros(5))
 
 
 def test_a_wrong_model_misfits_where_it_is_wrong(judged, small):
     true, wrong = judged
-    assert wrong.misfit_holdout > 0.1
-    by_name = dict(zip(small[1].names, wrong.loss - true.loss, strict=True))
+    assert wrong.misfits(NOISE)[1] > 0.1
+    names = [recording.name for recording in small[0]]
+    lost = dict(zip(names, wrong.clusters(NOISE) - true.clusters(NOISE), strict=True))
     # Coulomb friction shows in sliding: hardly in the stick recording, plainly in the moves.
-    assert np.sum(by_name["moves"]) > 20.0 * abs(np.sum(by_name["stick"]))
-    rows = np.ones(len(small[0]), bool)
-    assert advantage(true, wrong, rows) > 2.5
-    share_fit, share_holdout = explained(wrong, true)
+    assert np.sum(lost["moves"]) > 20.0 * abs(np.sum(lost["stick"]))
+    rows = np.ones(len(names), bool)
+    assert advantage(true, wrong, rows, NOISE) > 2.5
+    share_fit, share_holdout = explained(wrong, true, NOISE)
     assert share_fit == pytest.approx(1.0, abs=0.15)
     assert share_holdout == pytest.approx(1.0, abs=0.15)
 
 
-def test_clusters_add_up_to_the_misfit(judged, small):
+def test_clusters_add_up_to_the_misfit(judged):
     _, wrong = judged
-    count = np.asarray(small[1].batch.block_count)
-    for rows, misfit in ((~small[1].held_out, wrong.misfit_fit), (small[1].held_out, wrong.misfit_holdout)):
-        assert wrong.loss[rows].sum() / count[rows].sum() == pytest.approx(misfit, rel=1e-9)
+    count, loss = np.asarray(wrong.batch.block_count), wrong.clusters(NOISE)
+    for rows, misfit in zip((~wrong.held_out, wrong.held_out), wrong.misfits(NOISE), strict=True):
+        assert loss[rows].sum() / count[rows].sum() == pytest.approx(misfit, rel=1e-9)
+    np.testing.assert_allclose(loss.sum(), losses_of(wrong.power, wrong.batch).sum(), rtol=1e-9)
 
 
 def test_a_model_that_runs_away_is_judged_and_not_nan(small):
-    runaway = eqx.tree_at(lambda d: d.J, PLANT, 1e-9 * PLANT.J)
-    judgement = judge(runaway, small[1])
-    assert np.all(np.isfinite(judgement.loss))
-    assert judgement.misfit_fit > 5.0
+    lost = _judge(small[1], eqx.tree_at(lambda d: d.J, PLANT, jnp.nan))
+    assert np.all(np.isfinite(lost.clusters(NOISE)))
+    assert min(lost.misfits(NOISE)) > 5.0
 
 
 def test_views_and_errors_are_those_of_the_recordings(judged, small):
-    recordings, scene = small
+    recordings, joint = small
+    held_out = np.asarray(joint.fitted) == 0.0
+    scene = Scene(joint.batch, held_out, 50.0, tuple(r.name for r in recordings))
     true, wrong = (view(judgement, scene) for judgement in judged)
     fits = recording_fits(recordings, scene, wrong, true, PLANT)
     assert [fit.name for fit in fits] == [r.name for r in recordings]

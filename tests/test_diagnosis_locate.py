@@ -7,7 +7,7 @@ import pytest
 from helpers_estimation import FINE, PLANT, RATE
 from scipy.signal import lfilter
 
-from frictionjax.diagnosis.judge import make_scene
+from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
 from frictionjax.diagnosis.verdict import MismatchBin
 from frictionjax.diagnosis.wavelengths import wavelengths
@@ -38,9 +38,8 @@ def world():
         Recording(name, RATE, push, x + 1e-6 * wiggle)
         for name, push, (x, _), wiggle in zip(("one", "two"), u, swings, noise, strict=True)
     )
-    scene = make_scene(
-        make_batch(recordings, encoder_step=FINE), np.array([False, True]), tuple(r.name for r in recordings)
-    )
+    batch = make_batch(recordings, encoder_step=FINE)
+    scene = Scene(batch, np.array([False, True]), 50.0, tuple(r.name for r in recordings))
     motion = Motion(
         np.stack([x for x, _ in swings]),
         np.stack([v for _, v in swings]),
@@ -182,7 +181,8 @@ def stroke():
     x, v = _swing(0.25)
     x2, v2 = _swing(0.5)
     wiggle = 1e-6 * np.random.default_rng(2).standard_normal((2, N))
-    recordings = (Recording("one", RATE, 0 * T, x + wiggle[0]), Recording("two", RATE, 0 * T, x2 + wiggle[1]))
+    push = 0.1 + 0 * T
+    recordings = (Recording("one", RATE, push, x + wiggle[0]), Recording("two", RATE, push, x2 + wiggle[1]))
     return np.stack([x, x2]), np.stack([v, v2]), make_batch(recordings, encoder_step=FINE)
 
 
@@ -222,3 +222,7 @@ def test_the_plant_gives_the_scales(stroke):
     assert scales["center"] == pytest.approx(0.0, abs=1e-4)
     assert scales["Fc/stroke"] == pytest.approx(scales["Fc"] / scales["stroke"])
     assert scales["dt"] == 1.0 / RATE
+    assert scales["1/u^2"] == pytest.approx(100.0)
+    assert scales["step"] == pytest.approx(1e-6, rel=0.1)
+    # The faster swing: 0.2 rad at 0.5 Hz.
+    assert scales["Fc/speed^2"] == pytest.approx(scales["Fc"] / (0.2 * np.pi) ** 2, rel=0.01)

@@ -81,7 +81,9 @@ def test_why_an_effect_was_or_was_not_named():
     assert "is not named: less than the noise (p = 0.3" in found.explain("creep")
     assert "removes 1 % of the misfit on the fitted and -2 % on the held-out" in found.explain("creep")
     assert "cannot be judged from these recordings: needs a second encoder" in found.explain("backlash")
-    with pytest.raises(InputError, match=r"'wear' is no effect of the catalogue.*Give one of: backlash, creep"):
+    with pytest.raises(
+        InputError, match=r"'wear' is no effect of the catalogue.*Give one of: backlash, creep"
+    ):
         found.explain("wear")
 
 

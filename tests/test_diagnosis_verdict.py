@@ -1,5 +1,6 @@
 """The verdict: when a candidate may be named, what is said of it, and in which words."""
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ from helpers_plants import TABLE_I
 
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis import diagnose
-from frictionjax.diagnosis.pipeline import _candidates, _missing, _verdict
+from frictionjax.diagnosis.candidates import candidates
+from frictionjax.diagnosis.pipeline import _missing, _unexplained, _verdict
+from frictionjax.diagnosis.refit import Compared
 from frictionjax.diagnosis.select import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.diagnosis.words import summary_sentence
@@ -21,92 +24,110 @@ BINS = (
     MismatchBin("regime", "stick", 0.2, 2.0, 1.05, 5000),
     MismatchBin("regime", "sliding", 0.8, 30.0, 1.2, 9000),
 )
+FLOOR = np.ones((1, 1))
 
 
-def _judged(fit, holdout=None, structure=None):
-    holdout = fit if holdout is None else holdout
-    worst = max(fit, holdout) if structure is None else structure
-    return SimpleNamespace(misfit_fit=fit, misfit_holdout=holdout, structure=worst)
+def _judged(fit, holdout=None):
+    """A judgement with these misfits against any floor."""
+    misfits = (fit, fit if holdout is None else holdout)
+    return SimpleNamespace(misfits=lambda floor: misfits)
 
 
-def _step(accepted=True, **more):
-    return SimpleNamespace(accepted=object() if accepted else None, **more)
+def _steps(before, *after):
+    """Rounds of a selection: each accepts the next judgement, and the last one nothing."""
+    ends = [before, *after]
+    steps = [
+        SimpleNamespace(
+            before=SimpleNamespace(judgement=one),
+            floor=FLOOR,
+            accepted=SimpleNamespace(model=SimpleNamespace(judgement=other)),
+        )
+        for one, other in itertools.pairwise(ends)
+    ]
+    last = SimpleNamespace(before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None)
+    return [*steps, last]
 
 
 def test_a_base_model_at_the_noise_is_adequate():
-    noise = _judged(0.004)
-    assert _verdict(noise, noise, [_step(False)], BINS) == ("adequate", Unexplained(False, 0.0, ""))
+    assert _verdict(_steps(_judged(0.004))) == ("adequate", (False, 0.0))
+    assert _unexplained("adequate", (False, 0.0), BINS, None) == Unexplained(False, 0.0, "")
 
 
 def test_what_explains_nearly_all_is_named():
-    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.004, 0.006), [_step()], BINS)
+    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.004, 0.006)))
     assert verdict == "named"
-    assert not left.present
-    assert left.share == pytest.approx(0.02)
-    assert left.where == ""
+    assert left == (False, pytest.approx(0.02))
+    assert _unexplained(verdict, left, BINS, None).where == ""
 
 
 def test_what_explains_most_is_named_and_the_rest_is_told():
-    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.04, 0.09), [_step()], BINS)
+    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.04, 0.09)))
     assert verdict == "named"
-    assert left.present
-    assert left.share == pytest.approx(0.3)
-    assert left.where == "sliding"
+    assert left == (True, pytest.approx(0.3))
+    assert _unexplained(verdict, left, BINS, None).where == "sliding"
+
+
+def test_two_effects_explain_together():
+    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
+    assert verdict == "named"
+    assert left == (False, pytest.approx(0.004 / 0.3))
 
 
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
-    verdict, left = _verdict(_judged(0.4, 0.3), _judged(0.01, holdout), [_step()], BINS)
+    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))
     assert verdict == "unknown"
-    assert left.present
-    assert left.share == pytest.approx(min(holdout / 0.3, 1.0))
+    assert left == (True, pytest.approx(min(holdout / 0.3, 1.0)))
 
 
 def test_nothing_accepted_is_unknown():
-    before = _judged(0.4, 0.3)
-    verdict, left = _verdict(before, before, [_step(False)], BINS)
+    verdict, left = _verdict(_steps(_judged(0.4, 0.3)))
     assert verdict == "unknown"
-    assert left == Unexplained(True, 1.0, "sliding")
+    assert _unexplained(verdict, left, BINS, None) == Unexplained(True, 1.0, "sliding")
 
 
 def test_held_out_recordings_alone_can_tell_that_something_is_missing():
-    before = _judged(0.002, 0.3)
-    assert _verdict(before, before, [_step(False)], BINS)[0] == "unknown"
+    assert _verdict(_steps(_judged(0.002, 0.3)))[0] == "unknown"
 
 
-def _refit(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0):
-    return SimpleNamespace(
-        share_fit=share_fit,
-        share_holdout=share_holdout,
-        energy_fit=energy_fit,
-        energy_holdout=energy_holdout,
-    )
+@pytest.mark.parametrize("helps", [True, False])
+def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
+    residual = SimpleNamespace(variable="velocity", helps=helps, compared=_compared(0.5, 0.4))
+    found = _unexplained("unknown", (True, 1.0), BINS, residual)
+    if helps:
+        assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
+    else:
+        assert found == Unexplained(True, 1.0, "sliding")
+
+
+def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0):
+    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, 5.0, 5.0)
 
 
 def test_a_candidate_must_explain_fit_and_held_out_recordings():
     before = _judged(0.4)
-    assert acceptable(_refit(0.9, 0.8), before, 1e-6) == (True, "")
+    assert acceptable(_compared(0.9, 0.8), before, FLOOR, 1e-6) == (True, "")
     enough = LEAST_SHARE + 0.01
-    assert acceptable(_refit(enough, enough), before, 1e-6)[0]
+    assert acceptable(_compared(enough, enough), before, FLOOR, 1e-6)[0]
     for shares in ((0.9, LEAST_SHARE - 0.01), (LEAST_SHARE - 0.01, 0.9), (0.9, -0.5)):
-        accepted, reason = acceptable(_refit(*shares), before, 1e-6)
+        accepted, reason = acceptable(_compared(*shares), before, FLOOR, 1e-6)
         assert not accepted
         expected = f"({100 * shares[0]:.0f} % on the fit, {100 * shares[1]:.0f} % on the held-out recordings)"
         assert reason == f"explains too little {expected}"
 
 
 def test_a_candidate_must_be_significant():
-    accepted, reason = acceptable(_refit(0.9, 0.9), _judged(0.4), 10.0 * SIGNIFICANCE)
+    accepted, reason = acceptable(_compared(0.9, 0.9), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
     assert not accepted
     assert reason == "not significant (p = 0.01)"
 
 
 def test_far_from_the_noise_a_share_of_the_power_is_enough():
-    candidate = _refit(0.1, 0.08, energy_fit=0.6, energy_holdout=0.5)
-    assert acceptable(candidate, _judged(2.0, 1.5), 1e-6)[0]
-    assert not acceptable(candidate, _judged(0.4, 1.5), 1e-6)[0]
-    assert not acceptable(_refit(0.1, -0.01, 0.6, 0.5), _judged(2.0, 1.5), 1e-6)[0]
-    assert not acceptable(_refit(0.1, 0.08, 0.6, 0.1), _judged(2.0, 1.5), 1e-6)[0]
+    candidate = _compared(0.1, 0.08, energy_fit=0.6, energy_holdout=0.5)
+    assert acceptable(candidate, _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(candidate, _judged(0.4, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(_compared(0.1, -0.01, 0.6, 0.5), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(_compared(0.1, 0.08, 0.6, 0.1), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
 
 
 def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure delay between input and force"):
@@ -155,52 +176,74 @@ def test_the_unknown_is_told_with_its_place():
 
 def _trial(form, **more):
     values = {"p_value": 1e-7, "gain": 0.3, "detectable": {}, "one_step": {}} | more
-    return SimpleNamespace(effect=form.name, drive=TABLE_I.with_effects(form()), linear_gain=0.0, **values)
+    return SimpleNamespace(effect=form.name, form=form(), linear_gain=0.0, **values)
 
 
-def _accepted(form, share_fit, share_holdout):
-    trial = _trial(form)
-    refit = _refit(share_fit, share_holdout)
-    problem = SimpleNamespace(layout=effect_layout(trial.drive, {"dt": 1e-3}))
-    return SimpleNamespace(
-        effect=form.name, trial=trial, problem=problem, worth=share_fit + share_holdout, **vars(refit)
-    ), trial
+def _refitted(form):
+    """A candidate that was refitted, as `Refitted` would hold it, and its trial."""
+    drive, trial = TABLE_I.with_effects(form()), _trial(form)
+    joint = SimpleNamespace(
+        layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), setting=SimpleNamespace(drive=drive)
+    )
+    return SimpleNamespace(effect=form.name, trial=trial, model=SimpleNamespace(joint=joint)), trial
 
 
 def test_a_missing_effect_carries_its_class_and_its_parameters():
     form = catalogue()["delay"][0]
-    accepted, trial = _accepted(form, 0.9, 0.8)
-    step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), trials=[trial], refits=[accepted])
+    accepted, trial = _refitted(form)
+    shares = [_compared(0.9, 0.8)]
+    step = SimpleNamespace(
+        accepted=accepted, rivals=("drive_lag",), trials=[trial], refits=[accepted], compared=shares
+    )
     extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
-    (found,) = _missing([step], extended, "stick")
+    (found,) = _missing([step], extended, "stick", {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
     assert found.confidence == pytest.approx(0.4)
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
-    alone = SimpleNamespace(accepted=accepted, rivals=(), trials=[trial], refits=[accepted])
-    assert _missing([alone], extended, "stick")[0].split_by == ""
+    designed = SimpleNamespace(sentence="To tell delay from drive_lag: a sine.")
+    assert _missing([step], extended, "stick", {"delay": designed})[0].split_by == designed.sentence
+    alone = SimpleNamespace(accepted=accepted, rivals=(), trials=[trial], refits=[accepted], compared=shares)
+    assert _missing([alone], extended, "stick", {})[0].split_by == ""
 
 
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
-    delay, load, ripple = (catalogue()[name][0] for name in ("delay", "constant_load", "ripple"))
-    accepted, trial = _accepted(delay, 0.9, 0.8)
-    refused = SimpleNamespace(effect="constant_load", worth=0.2, **vars(_refit(0.2, 0.0)))
-    trials = [trial, _trial(load), _trial(ripple, p_value=0.4), _trial(ripple, p_value=0.5, gain=0.1)]
-    step = SimpleNamespace(
-        accepted=accepted, rivals=(), trials=trials, refits=[accepted, refused], before=_judged(0.4)
+    delay, load, ripple, pendulum = (
+        catalogue()[name][0] for name in ("delay", "constant_load", "ripple", "gravity_pendulum")
     )
-    rows = _candidates([step], {"force": "N*m", "position": "rad", "input": "V"})
+    (accepted, trial), (refused, other) = _refitted(delay), _refitted(load)
+    trials = [
+        trial,
+        other,
+        _trial(ripple, p_value=0.4),
+        _trial(ripple, p_value=0.5, gain=0.1),
+        _trial(pendulum),
+    ]
+    step = SimpleNamespace(
+        accepted=accepted,
+        rivals=(),
+        trials=trials,
+        refits=[accepted, refused],
+        compared=[_compared(0.9, 0.8), _compared(0.2, 0.0)],
+        before=SimpleNamespace(judgement=_judged(0.4)),
+        floor=FLOOR,
+    )
+    units = {"force": "N*m", "position": "rad", "input": "V"}
+    rows = candidates([step], units, {"gravity_pendulum": "the position is no angle"})
     assert {row.effect for row in rows} == set(catalogue())
     by_name = {row.effect: row for row in rows}
     assert rows[0].effect == "delay"
     assert by_name["delay"].reason == "named"
+    assert (by_name["delay"].gain_fit, by_name["delay"].gain_holdout) == (0.9, 0.8)
     assert by_name["constant_load"].reason.startswith("explains too little")
     assert by_name["constant_load"].units == {"load": "N*m"}
     assert by_name["ripple"].reason == "gains nothing"
     assert by_name["ripple"].p_value == pytest.approx(0.8)
     assert not by_name["maxwell_slip"].tested
     assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
+    assert not by_name["gravity_pendulum"].tested
+    assert by_name["gravity_pendulum"].reason == "the position is no angle"
 
 
 def _case(*recordings):

@@ -6,8 +6,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
 from frictionjax.estimation.batch import make_batch, noise_level
-from frictionjax.estimation.observer_fit import observer_fit
-from frictionjax.estimation.problem import SLOW_BANDWIDTH, make_problem
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
 
@@ -122,21 +121,21 @@ def test_padding_changes_no_innovation():
     together, alone = make_batch((short, long), encoder_step=FINE), make_batch((short,), encoder_step=FINE)
     powers = []
     for batch in (together, alone):
-        problem, vector = make_problem(PLANT, batch)
-        powers.append(np.asarray(problem.power(vector))[0, :16])
+        joint, vector = make_joint(PLANT, batch, np.zeros(len(batch.lengths), bool))
+        powers.append(joint.powers([vector])[0][0, :16])
     np.testing.assert_allclose(powers[0], powers[1], rtol=1e-9)
 
 
 def test_a_machine_that_never_moves_gives_no_nan():
     """Every sample the same, and the encoder's step unknown: a level of zero would divide by zero."""
     still = _recording(np.zeros(2000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:2000]))
-    problem, vector = make_problem(PLANT, make_batch((still,)))
-    assert np.isfinite(problem.mismatch(vector))
+    joint, vector = make_joint(PLANT, make_batch((still,)), np.zeros(1, bool))
+    assert np.isfinite(joint.misfits([vector])[0])
 
 
 def test_a_recording_of_a_few_samples_is_refused_with_a_sentence():
     with pytest.raises(ValueError, match=r"short.*samples"):
-        observer_fit(PLANT, (_recording(_noise(1, 30), name="short"),), encoder_step=FINE)
+        make_batch((_recording(_noise(1, 30), name="short"),), encoder_step=FINE)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -153,5 +152,6 @@ def test_each_sample_rate_has_its_own_noise_floor(order):
 
 
 def _misfit(recordings):
-    problem, vector = make_problem(PLANT, make_batch(recordings, encoder_step=FINE))
-    return problem.at_bandwidth(SLOW_BANDWIDTH).mismatch(vector)
+    held_out = np.zeros(len(recordings), bool)
+    joint, vector = make_joint(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
+    return joint.at_bandwidth(SLOW_BANDWIDTH).misfits([vector])[0]

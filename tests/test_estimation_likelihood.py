@@ -8,21 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, VOLT, closed_loop, moves, open_loop, stick_noise
-from scipy.optimize import least_squares
+from helpers_objective import Innovations
+from scipy.optimize import least_squares, minimize
 
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.deflection import fit_deflections
-from frictionjax.estimation.least_squares import (
-    Innovations,
-    equal_curvature,
-    jacobian_of,
-    levenberg_marquardt,
-    predicted_errors,
-)
+from frictionjax.estimation.joint import losses_of, make_joint, misfit_of
+from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt, predicted_errors
 from frictionjax.estimation.loss import Cauchy, Gaussian, Huber
 from frictionjax.estimation.parameters import unpack
-from frictionjax.estimation.problem import make_problem
-from frictionjax.estimation.residuals import block_power, mismatch, standardised, weights
+from frictionjax.estimation.residuals import block_power, standardised
+from frictionjax.estimation.robust_fit import descend
 
 _lanes = eqx.filter_jit(jax.vmap(predicted_errors, (None, 0, None)))
 
@@ -41,14 +36,14 @@ def batch():
 
 @pytest.fixture(scope="module")
 def problem(batch):
-    return make_problem(PLANT, batch)
+    return make_joint(PLANT, batch, np.zeros(2, bool))
 
 
 @pytest.fixture(scope="module")
 def slopes(problem):
     """Innovations and Jacobian at the true parameters."""
-    layout, (e, jacobian) = problem[0].layout, jacobian_of(problem[0].layout, problem[1], problem[0].setting)
-    return layout, np.asarray(e), np.asarray(jacobian)
+    e, jacobian = problem[0].errors_and_columns(problem[1])
+    return problem[0].layout, np.asarray(e), np.asarray(jacobian)
 
 
 def _central(function, vector, step):
@@ -107,34 +102,50 @@ def test_nothing_is_scored_before_the_observer_has_settled(slopes, batch):
     assert not np.any(e[0, batch.lengths[0] :])
 
 
-def test_weights_are_those_of_a_cauchy_likelihood(batch):
-    """weight = 1/(block power + knee^2): the derivative of 1/2 log(power + knee^2) by 1/2 power, in every block."""
-    power = jnp.asarray(np.random.default_rng(0).uniform(0.5, 50.0, batch.block_count.shape))
-    floor = jnp.asarray(1.7)
-    weight = np.asarray(weights(power, jnp.sqrt(floor), batch))
-    slope = jax.grad(lambda p: mismatch(p, floor, batch))(power) * jnp.sum(batch.block_count)
-    per_block = np.asarray(batch.block_mean(jnp.asarray(weight)) * batch.block_count)
-    np.testing.assert_allclose(per_block, 2.0 * np.asarray(slope), rtol=1e-12)
-    assert not np.any(weight[np.asarray(batch.valid) == 0.0])
+def _differences(function, vector, step):
+    around = step * np.eye(len(vector))
+    return np.array([(function(vector + e) - function(vector - e)) / (2.0 * step) for e in around])
+
+
+@pytest.mark.parametrize("knee", [1.0, 20.0])
+def test_the_look_is_a_cauchy_likelihood(problem, knee):
+    """Cost by hand from the block powers; and the gradient is its slope, up to what the Jacobian leaves out."""
+    joint, vector = problem
+    away = vector + jnp.asarray([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.1, 0.1])
+    look = joint.look(away, knee)
+    power, count = joint.powers([away])[0], np.asarray(joint.batch.block_count)
+    np.testing.assert_allclose(look.power, power, rtol=1e-9)
+    off = np.asarray((away - joint.setting.start) * joint.setting.prior)
+    cost = 0.5 * np.sum(count * np.log((power + knee) / (2.0 * knee))) + 0.5 * off @ off
+    assert float(look.cost) == pytest.approx(cost, rel=1e-9)
+    slope = _differences(lambda q: float(joint.look(jnp.asarray(q), knee).cost), np.asarray(away), 1e-5)
+    size = np.sqrt(np.diag(look.hessian))
+    assert np.max(np.abs(np.asarray(look.gradient) - slope) / size) < 0.01 * np.max(np.abs(slope) / size)
+    np.testing.assert_allclose(look.hessian, np.asarray(look.hessian).T, rtol=1e-9, atol=1e-6)
+    assert np.min(np.linalg.eigvalsh(look.hessian)) > 0.0
 
 
 def test_misfit_is_zero_at_the_floor_and_the_logarithm_far_above(batch):
-    floor = jnp.asarray(1.3)
-    blocks = jnp.ones(batch.block_count.shape)
-    assert float(mismatch(1.3 * blocks, floor, batch)) == pytest.approx(0.0, abs=1e-12)
-    assert float(mismatch(1.3e6 * blocks, floor, batch)) == pytest.approx(0.5 * np.log((1e6 + 1) / 2))
+    blocks, both = np.ones(batch.block_count.shape), np.ones(2)
+    count = np.asarray(batch.block_count)
+    assert misfit_of(blocks, both, batch) == pytest.approx(0.0, abs=1e-12)
+    assert misfit_of(1e6 * blocks, both, batch) == pytest.approx(0.5 * np.log((1e6 + 1) / 2))
+    np.testing.assert_allclose(losses_of(1.3 * blocks, batch, 1.3), 0.0, atol=1e-9)
     # One wild block counts by its logarithm, not by its square.
-    wild = blocks.at[0, 5].set(1e8)
-    part = float(batch.block_count[0, 5] / jnp.sum(batch.block_count))
-    found = float(mismatch(1.3 * wild, floor, batch))
-    assert found == pytest.approx(part * 0.5 * np.log((1e8 + 1) / 2), rel=1e-9)
+    wild = blocks.copy()
+    wild[0, 5] = 1e8
+    part = count[0, 5] / np.sum(count)
+    assert misfit_of(wild, both, batch) == pytest.approx(part * 0.5 * np.log((1e8 + 1) / 2), rel=1e-9)
+    # A recording that is kept aside counts for nothing, one that is not finite for everything.
+    assert misfit_of(wild, np.array([0.0, 1.0]), batch) == pytest.approx(0.0, abs=1e-12)
+    wild[0, 5] = np.nan
+    assert misfit_of(wild, both, batch) == float("inf")
 
 
 def test_blocks_without_scored_samples_count_for_nothing(batch):
     empty = np.asarray(batch.block_count) == 0
     assert empty.any()
-    power = jnp.asarray(np.where(empty, 1e12, 2.0))
-    assert float(mismatch(power, jnp.asarray(2.0), batch)) == pytest.approx(0.0, abs=1e-12)
+    assert misfit_of(np.where(empty, 1e12, 1.0), np.ones(2), batch) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("loss", [Gaussian(), Cauchy(), Huber(1.2)], ids=lambda loss: type(loss).__name__)
@@ -189,25 +200,55 @@ def test_units_have_equal_curvature(problem):
     np.testing.assert_allclose(np.diag(bent), np.diag(bent)[0], rtol=1e-9)
 
 
+def test_a_robust_descent_ends_where_scipy_does(problem):
+    """The same likelihood as residuals sqrt(log((b + 1)/2)) would have; scipy knows its cost alone."""
+    joint, vector = problem
+    away = np.asarray(vector) + np.array([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.0, 0.1])
+    found = descend(joint, jnp.asarray(away), tolerance=1e-6)
+    assert found.converged
+    assert found.misfit == pytest.approx(joint.misfits([found.vector])[0], rel=1e-9)
+    unit = 1.0 / np.sqrt(np.diag(found.look.hessian))
+    ends = minimize(
+        lambda step: float(joint.look(jnp.asarray(np.asarray(found.vector) + unit * step)).cost),
+        np.zeros(away.size),
+        jac=lambda step: (
+            unit * np.asarray(joint.look(jnp.asarray(np.asarray(found.vector) + unit * step)).gradient)
+        ),
+        method="BFGS",
+        options={"gtol": 1e-2, "maxiter": 40},
+    )
+    assert float(found.look.cost) < ends.fun + 0.02
+    assert float(found.look.cost) < 0.5 * float(joint.look(jnp.asarray(away)).cost)
+
+
 @pytest.mark.parametrize("deflection", [-0.5, 0.3])
-def test_a_known_starting_deflection_is_recovered(deflection):
+def test_a_known_starting_deflection_is_recovered_in_a_recording_kept_aside(deflection):
     """A machine left with its bristle bent, and held there by the input that this asks for."""
     bent = deflection * float(PLANT.friction.Fs / PLANT.friction.sigma0)
     held = open_loop("held", deflection * VOLT + 0.3 * stick_noise(0.9), seed=1, z0=bent)
     at_rest = open_loop("rest", stick_noise(0.9), seed=2)
     batch = make_batch((held, at_rest), encoder_step=FINE)
-    problem, _ = make_problem(PLANT, batch)
-    gains = problem.setting.gains
+    joint, vector = make_joint(PLANT, batch, np.array([True, False]))
     scored = np.asarray(batch.block_count) > 0
-    unbent = standardised(PLANT, jnp.zeros(2), batch, gains)
-    assert np.asarray(block_power(unbent, batch))[0][scored[0]].mean() > 2.0
-    found, e = fit_deflections(PLANT, batch, gains)
+    assert joint.powers([vector])[0][0][scored[0]].mean() > 2.0
+    found = descend(joint, vector)
     # What the observer has not forgotten after 0.1 s is little: the deflection counts by what it leaves unexplained.
-    assert float(found[0]) == pytest.approx(deflection, abs=0.15)
-    assert float(found[1]) == pytest.approx(0.0, abs=0.02)
-    power = np.asarray(block_power(e, batch))
+    assert float(found.vector[-2]) == pytest.approx(deflection, abs=0.15)
+    assert float(found.vector[-1]) == pytest.approx(0.0, abs=0.02)
     for row in (0, 1):
-        assert power[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
+        assert np.asarray(found.look.power)[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
+
+
+def test_no_parameter_sees_a_recording_kept_aside(batch):
+    """Whatever it holds: here its input is another one, and its power dozens of times the noise."""
+    joint, vector = make_joint(PLANT, batch, np.array([False, True]))
+    spoiled = eqx.tree_at(lambda j: j.setting.batch.u, joint, batch.u.at[1].multiply(1.2))
+    start = vector.at[0].add(0.05)
+    ends = [descend(one, start) for one in (joint, spoiled)]
+    np.testing.assert_allclose(ends[0].vector[:8], ends[1].vector[:8], rtol=0, atol=1e-9)
+    assert ends[0].misfit == pytest.approx(ends[1].misfit, rel=1e-9)
+    scored = np.asarray(batch.block_count)[1] > 0
+    assert np.asarray(ends[1].look.power)[1][scored].mean() > 20.0
 
 
 def test_layouts_of_other_numbers_have_one_structure(problem):

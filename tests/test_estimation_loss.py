@@ -5,13 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
+from helpers_objective import Innovations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionjax.estimation import Cauchy, Gaussian, Huber
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.least_squares import Innovations, Quadratic, quadratic_of, small_residuals
-from frictionjax.estimation.problem import make_problem
+from frictionjax.estimation.joint import make_joint
+from frictionjax.estimation.least_squares import Quadratic, quadratic_of, small_residuals
 
 LOSSES = (Gaussian(), Cauchy(), Cauchy(0.1), Cauchy(30.0), Huber(), Huber(0.5))
 POWERS = jnp.asarray(np.geomspace(1e-6, 1e9, 400))
@@ -134,7 +135,7 @@ def problem():
         open_loop("stick", stick_noise(0.9), seed=1),
         closed_loop("move", moves(1.1, (0.2,), (0.5,)), seed=2),
     )
-    return make_problem(PLANT, make_batch(recordings, encoder_step=FINE))
+    return make_joint(PLANT, make_batch(recordings, encoder_step=FINE), np.zeros(2, bool))
 
 
 @pytest.mark.parametrize("loss", [Gaussian(), Cauchy(), Huber()], ids=_name)

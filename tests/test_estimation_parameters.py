@@ -16,8 +16,10 @@ BASE = base_layout(PLANT, DT)
 SCALES = {
     name: 1.0 + 0.1 * k
     for k, name in enumerate(
-        ["Fc", "sigma0", "sigma2", "vs", "zs", "stroke", "center", "Fc/stroke", "dt"]
-        + ["u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step"]
+        [
+            *("Fc", "sigma0", "sigma2", "vs", "zs", "stroke", "center", "Fc/stroke", "dt"),
+            *("u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step"),
+        ]
     )
 }
 """Sizes without a meaning, each its own number, so that a mix-up shows."""

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from helpers_estimation import (
-    FINE,
     PLANT,
     RATE,
+    base_fit,
     break_away,
     closed_loop,
     experiment,
@@ -17,7 +17,6 @@ from helpers_estimation import (
 )
 
 from frictionjax.estimation import starting_values
-from frictionjax.estimation.observer_fit import observer_fit
 from frictionjax.estimation.sliding import fit_sliding, smooth_motion
 from frictionjax.recordings import Recording
 
@@ -125,7 +124,7 @@ def test_stick_alone_bounds_the_friction_from_below(loud):
 def test_recordings_in_presliding_alone_are_fitted_to_the_noise():
     recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("loud", large_noise(), seed=3))
     start = starting_values(recordings, motor_constant=KM)
-    assert observer_fit(start.drives, recordings, encoder_step=FINE).mismatch < 0.02
+    assert base_fit(start.drives, recordings).fitted.misfit < 0.02
 
 
 def test_force_that_motion_does_not_explain_is_told():

@@ -6,7 +6,7 @@ import sys
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_plants import PLANTS, ROTARY, TABLE_I, effect, with_every_effect
+from helpers_plants import LOADS, PLANTS, ROTARY, STRENGTHS, TABLE_I, effect, with_every_effect
 
 from frictionjax.physics import linearize
 
@@ -42,13 +42,36 @@ def test_left_differs_from_right_where_the_bristle_is_bent():
 
 
 # No creep: linearisation holds the states of slow effects, differences of the whole force do not.
-STRONG = [0.05, 0.0, 1e-4, 0.1, 0.2, 1e-4, 0.4, 0.3, 0.1, -0.1, 0.1, 0.2, 300.0, 0.02, 0.03, -0.5]
+STRONG = {
+    "ConstantLoad": 0.05,
+    "Delay": 1e-4,
+    "DirectionAsymmetry": 0.1,
+    "ViscousAsymmetry": 0.2,
+    "DriveLag": 1e-4,
+    "MaxwellSlip": 0.4,
+    "NonlinearBristle": 0.3,
+    "PositionDependence": 0.1,
+    "PeriodicPositionDependence": -0.1,
+    "ReturnSpring": 300.0,
+    "Ripple": 0.02,
+    "StribeckShape": -0.5,
+    "ElastoPlastic": 0.6,
+    "SharpYield": 0.4,
+    "MicroDamping": 0.5,
+    "GravityPendulum": 0.1,
+    "LorentzianStribeck": 0.4,
+    "QuadraticDrag": 1e3,
+    "CubicDrag": 1e5,
+    "TorqueRipple": 0.2,
+    "LoadDependence": 0.2,
+}
 
 
 @pytest.mark.parametrize("plant", ["base", "every effect"])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_each_side_agrees_with_one_sided_differences(plant, side):
-    drive = TABLE_I if plant == "base" else with_every_effect(TABLE_I, STRONG)
+    strong = [STRONG.get(form, 0.0) for form, _ in STRENGTHS]
+    drive = TABLE_I if plant == "base" else with_every_effect(TABLE_I, strong, but=LOADS)
     n = drive.bristle_count
     x, z = 3e-5, 0.4 * 1.5e-5 * np.asarray(drive.bristles().slack)
     linear = linearize(drive, x=x, z=jnp.asarray(z))

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_lugre_numpy import by_frozen_velocity, by_radau, numbers, quasi_static
-from helpers_plants import FORMS, PLANTS, STRENGTHS, TABLE_I, effect, with_every_effect
+from helpers_plants import MOVERS, PLANTS, TABLE_I, effect, in_large
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_reference
@@ -99,19 +99,17 @@ def test_the_two_references_agree():
     assert _worst(tighter, x) < 1e-11  # 1e-13
 
 
-SIZES = [0.2, 2.5, 0.7e-3, 0.1, 0.5, 1e-3, 0.0, 0.6, 0.3, -0.2, 0.2, 0.2, 3e3, 0.1, 0.1, -0.8]
-"""A strength for each of STRENGTHS."""
 BOTH_WAYS = 3.9 * np.sin(2 * np.pi * 25.0 * T)
 
 
-@pytest.mark.parametrize("form", [form for form in FORMS if form != "MaxwellSlip"])
+@pytest.mark.parametrize("form", MOVERS)
 def test_each_effect_converges_to_the_reference(form):
-    """One compilation serves all: every effect is there, and all but one are zero."""
-    strengths = [size if name == form else 0.0 for (name, _), size in zip(STRENGTHS, SIZES, strict=True)]
-    drive = with_every_effect(TABLE_I, strengths, but=("MaxwellSlip",))
+    drive = in_large(form)
     exact = np.asarray(simulate_reference(drive, BOTH_WAYS, RATE, rtol=1e-11, atol=1e-14).x)
     for steps in (1, 2, 4, 8, 16):  # measured, times the square of the steps: at most 1.6e-3
-        assert _worst(simulate(drive, BOTH_WAYS, RATE, substeps=steps).x, exact) < 4e-3 / steps**2
+        # A damper that is met within a step is a jump of force: 6.7e-3 at one step, and little better than first order.
+        gate = 2e-2 / steps if form == "Backlash" else 4e-3 / steps**2
+        assert _worst(simulate(drive, BOTH_WAYS, RATE, substeps=steps).x, exact) < gate
 
 
 def test_elasto_slip_elements_agree_with_the_reference_up_to_its_rounded_corner():

@@ -1,85 +1,19 @@
 """`simulate_imposed`: friction under an imposed motion, against scipy, closed forms and `simulate`."""
 
-import itertools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_imposed import BEND, MOTION, differences, reference, sine, worst, zigzag
 from helpers_lugre_numpy import numbers
-from helpers_plants import FORMS, PLANTS, ROTARY, STAGE, STRENGTHS, TABLE_I, effect, with_every_effect
+from helpers_plants import PLANTS, ROTARY, STAGE, TABLE_I, effect
 from helpers_traces import programs
-from scipy.integrate import solve_ivp
 
 from frictionjax.core import InputError, PrecisionError
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_imposed
 from frictionjax.simulation.imposed import imposed_friction
-
-BEND = {name: float(plant.friction.Fs / plant.friction.sigma0) for name, plant in PLANTS.items()}
-"""Deflection at break-away."""
-
-
-def sine(amplitude, frequency, phase=0.3):
-    """Position and velocity as functions of time, and no corners."""
-    w = 2 * np.pi * frequency
-    return lambda t: (amplitude * np.sin(w * t + phase), amplitude * w * np.cos(w * t + phase)), []
-
-
-def zigzag(turns, speed):
-    """From turn to turn at constant `speed`: the motion, which takes the later side of a corner, and the corners."""
-    turns = np.asarray(turns, float)
-    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns)) / speed)])
-
-    def motion(t):
-        leg = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        return np.interp(t, times, turns), speed * np.sign(np.diff(turns))[leg]
-
-    return motion, list(times)
-
-
-def reference(drive, motion, t, *, corners=(), shape=lambda x, v: 1.0, hardening=0.0, creep=(0.0, 1.0)):
-    """Friction force and deflection at the instants `t`, the equations written out again; both sides of a corner."""
-    _, s0, s1, s2, fc, fs, vs = numbers(drive)
-    compliance, lag = creep
-    unit = fs / s0
-
-    def parts(x, v, y):
-        level = (fc + (fs - fc) * np.exp(-((v / vs) ** 2))) * shape(x, v)
-        z, crept = y * unit
-        spring = s0 * z * (1.0 + hardening * (s0 * z / fs) ** 2)
-        crept_rate = (compliance * spring / s0 - crept) / lag
-        seen = v - crept_rate
-        rate = seen - abs(seen) * spring / level
-        return spring + s1 * rate + s2 * v, np.array([rate, crept_rate]) / unit
-
-    cuts = np.unique(np.concatenate([[t[0], t[-1]], [c for c in corners if t[0] + 1e-9 < c < t[-1] - 1e-9]]))
-    force, deflection, sides, y = np.zeros(t.size), np.zeros(t.size), np.zeros(t.size), np.zeros(2)
-    for first, last in itertools.pairwise(cuts):
-        inside = lambda time, a=first, b=last: np.clip(time, a + 1e-9 * (b - a), b - 1e-9 * (b - a))  # noqa: E731
-        at = np.flatnonzero((t > first - 1e-9) & (t < last + 1e-9))
-        solution = solve_ivp(
-            lambda time, y, side=inside: parts(motion(time)[0], motion(side(time))[1], y)[1],
-            (first, last),
-            y,
-            "LSODA",
-            t_eval=np.clip(t[at], first, last),
-            rtol=1e-10,
-            atol=1e-12,
-            max_step=(last - first) / 50,
-        )
-        assert solution.success
-        for k, state in zip(at, solution.y.T, strict=True):
-            force[k] += parts(motion(t[k])[0], motion(inside(t[k]))[1], state)[0]
-            deflection[k], sides[k] = state[0] * unit, sides[k] + 1
-        y = solution.y[:, -1]
-    return force / sides, deflection
-
-
-def worst(found, exact, scale, trim=2):
-    """Largest error over `scale`, but for the samples at both ends, where the velocity is of first order only."""
-    return np.max(np.abs(np.asarray(found) - exact)[trim:-trim]) / scale
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -148,90 +82,6 @@ def test_slow_presliding_is_the_exponential_of_the_distance():
     np.testing.assert_allclose(slow, np.concatenate([virgin, branch]), atol=1e-8)
 
 
-EFFECTS = {
-    "DirectionAsymmetry": ({"coulomb": 0.15}, {"shape": lambda x, v: 1.0 + 0.15 * np.sign(v)}),
-    "PositionDependence": (
-        {"linear": 0.3, "quadratic": -0.2},
-        {"shape": lambda x, v: 1.0 + 0.3 * (x / 1e-3 - 0.1) - 0.2 * (1.5 * (x / 1e-3 - 0.1) ** 2 - 0.5)},
-    ),
-    "NonlinearBristle": ({"hardening": 0.8}, {"hardening": 0.8}),
-    "Creep": ({"compliance": 0.4, "time_constant": 0.05}, {"creep": (0.4, 0.05)}),
-    "StribeckShape": (
-        {"exponent_change": -1.0},
-        {
-            "shape": lambda x, v: (
-                (1.0 + 0.5 * np.exp(-abs(v / 1e-3))) / (1.0 + 0.5 * np.exp(-(abs(v / 1e-3) ** 2)))
-            )
-        },
-    ),
-}
-
-
-@pytest.mark.parametrize("form", EFFECTS)
-@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
-def test_an_effect_inside_the_law_is_that_of_scipy(form, stroke):
-    ours, theirs = EFFECTS[form]
-    motion, _ = sine(stroke, 2.0)
-    t = np.arange(2001) / 2000.0
-    exact, _ = reference(TABLE_I, motion, t, **theirs)
-    drive = TABLE_I.with_effects(effect(form, **ours))
-    assert worst(simulate_imposed(drive, motion(t)[0], 2000.0).friction, exact, 1.5) < 3e-4
-    base = simulate_imposed(TABLE_I, motion(t)[0], 2000.0).friction
-    assert worst(base, exact, 1.5) > 1e-2
-
-
-@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
-def test_maxwell_slip_is_a_bank_of_plays(stroke):
-    """The plays followed on a grid 50 times finer; without bristle damping, which is a mean over a sample."""
-    drive = Drive(1.0, LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 1e-3), effects=(effect("MaxwellSlip", share=0.6),))
-    motion, _ = sine(stroke, 2.0)
-    t, fine = np.arange(2001) / 2000.0, np.arange(100_001) / 100_000.0
-    slack = np.exp(1.5 * (2.0 * (np.arange(16) + 0.5) / 16 - 1.0))
-    x, v = motion(fine)
-    limit = np.outer((1.0 + 0.5 * np.exp(-((v / 1e-3) ** 2))) / 1e5, slack / np.mean(slack))
-    plays, played = np.zeros(16), [np.zeros(16)]
-    for way, most in zip(np.diff(x), limit[1:], strict=True):
-        plays = np.clip(plays + way, -most, most)
-        played.append(plays)
-    bristle, _ = reference(drive, motion, t)
-    exact = 0.4 * bristle + 0.6 * (1e5 * np.mean(played, axis=1)[::50] + 0.4 * motion(t)[1])
-    run = simulate_imposed(drive, motion(t)[0], 2000.0)
-    assert run.z.shape == (2001, 17)
-    assert worst(run.friction, exact, 1.5) < 5e-4
-
-
-FORCES = {
-    "ConstantLoad": ({"load": 0.3}, lambda x, v: 0.3),
-    "ReturnSpring": ({"stiffness": 50.0}, lambda x, v: 50.0 * x),
-    "ViscousAsymmetry": ({"viscous": 0.2}, lambda x, v: 0.08 * np.abs(v)),
-    "Ripple": (
-        {"sine": 0.1, "cosine": 0.2},
-        lambda x, v: 0.1 * np.sin(x * 5e3 * np.pi) + 0.2 * np.cos(x * 5e3 * np.pi),
-    ),
-}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_every_effect_runs_and_beside_the_law_adds_its_force(form):
-    motion, _ = sine(2e-4, 2.0)
-    t = np.arange(501) / 500.0
-    base = simulate_imposed(TABLE_I, motion(t)[0], 500.0)
-    none = simulate_imposed(TABLE_I.with_effects(effect(form)), motion(t)[0], 500.0)
-    np.testing.assert_allclose(none.friction, base.friction, atol=2e-14)
-    if form in FORCES:
-        strengths, force = FORCES[form]
-        run = simulate_imposed(TABLE_I.with_effects(effect(form, **strengths)), motion(t)[0], 500.0)
-        np.testing.assert_allclose(run.friction - base.friction, force(run.x, run.v), atol=1e-7)
-
-
-def test_effects_of_the_input_do_not_act():
-    x = 1e-4 * np.sin(0.1 * np.arange(300))
-    late = TABLE_I.with_effects(effect("Delay", delay=0.01), effect("DriveLag", time_constant=0.01))
-    np.testing.assert_array_equal(
-        simulate_imposed(late, x, 500.0).friction, simulate_imposed(TABLE_I, x, 500.0).friction
-    )
-
-
 @pytest.mark.parametrize("form", ["none", "NonlinearBristle", "MaxwellSlip", "DirectionAsymmetry"])
 @pytest.mark.parametrize("speed", [1e-3, 1.0, 1e4])
 def test_no_bristle_bends_beyond_its_yield_however_fast(form, speed):
@@ -270,9 +120,6 @@ def test_it_gives_back_the_friction_of_a_simulated_drive(plant, relative):
 
 
 NAMES = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
-AT = np.linspace(0.0, 1.0, 301)
-MOTION = 1e-4 * np.sin(9.0 * AT) * (1.0 - AT) + 2e-5 * np.sin(60.0 * AT)
-UNITS = 0.02 * np.ones(len(STRENGTHS))
 
 
 @eqx.filter_jit
@@ -281,45 +128,15 @@ def _by_parameters(logs, z0):
     return imposed_friction(Drive(1.0, law), MOTION, 1.0 / 300.0, z0)
 
 
-@eqx.filter_jit
-def _by_strengths(strengths, x=MOTION):
-    return imposed_friction(with_every_effect(TABLE_I, strengths), x, 1.0 / 300.0, 1e-6)
-
-
-_slopes = jax.jit(jax.jacfwd(_by_strengths))
-
-
-def _differences(function, at, step):
-    one = np.eye(len(at))
-    low2, low, high, high2 = (np.stack([function(at + k * step * e) for e in one]) for k in (-2, -1, 1, 2))
-    return ((8.0 * (high - low) - (high2 - low2)) / (12.0 * step)).T
-
-
 def test_derivatives_by_every_parameter_and_by_the_start():
     def function(p):
         return _by_parameters(p[:6], 1e-5 * p[6])
 
     at = np.append(np.zeros(6), 0.4)
     forward = np.asarray(jax.jit(jax.jacfwd(function))(at))
-    differences = _differences(function, at, 1e-4)
-    assert np.max(np.abs(forward - differences)) < 1e-8 * np.max(np.abs(forward))
+    central = differences(function, at, 1e-4)
+    assert np.max(np.abs(forward - central)) < 1e-8 * np.max(np.abs(forward))
     assert np.all(np.max(np.abs(forward), axis=0) > 1e-8)
-
-
-def test_derivatives_by_every_strength():
-    forward = np.asarray(_slopes(UNITS, MOTION))
-    differences = _differences(_by_strengths, UNITS, 1e-4)
-    # A sample at which a play begins to slip, between two points of the difference, is a corner: one in a hundred.
-    apart = np.quantile(np.abs(forward - differences), 0.97, axis=0)
-    for name, error, ours, theirs in zip(STRENGTHS, apart, forward.T, differences.T, strict=True):
-        assert error <= 1e-6 * np.max(np.abs(theirs)), name
-        assert np.any(ours) == (name[0] not in ("Delay", "DriveLag")), name
-
-
-def test_derivatives_at_rest_are_finite():
-    still = np.zeros(301)
-    slopes = _slopes(np.zeros(len(STRENGTHS)), still)
-    assert bool(jnp.all(jnp.isfinite(slopes)))
 
 
 def test_a_batch_of_drives_and_motions():

@@ -33,6 +33,7 @@ more likely the form of the effect found than another one."""
 SIGNIFICANCE = 1e-3
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
+_BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
 _ALIKE = 0.03  # of the sum of the explained shares
 
 
@@ -163,8 +164,12 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
     ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
     p_values = effect_p_values(trials)
 
+    # What another candidate explains far better is not named, even if that one is refused.
+    most = max((compared[id(r)].worth for r in ranked), default=0.0)
+
     def may(r: Refitted) -> bool:
-        return acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
+        near = compared[id(r)].worth > most - _BEHIND
+        return near and acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
 
     accepted = next((r for r in ranked if may(r)), None)
     if accepted is not None:

@@ -100,7 +100,10 @@ class Drive(eqx.Module):
         spring: Float[Array, ""] | float = 0.0,
         hidden: Float[Array, " m"] | None = None,
     ) -> Now:
-        """A `Now` with the `hidden` states of all effects, shape `(m,)` (None: zero); the other arguments as there."""
+        """A `Now` with the states of all effects.
+
+        **Arguments:** `x`, `v`, `push`, `spring` as in `Now`; `hidden`, shape `(m,)` (None: zero).
+        """
         states = jnp.zeros(self.hidden_count) if hidden is None else hidden
         return Now(x, v, jnp.asarray(push), jnp.asarray(spring), states)
 
