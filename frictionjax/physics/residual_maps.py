@@ -68,7 +68,8 @@ class AbstractMap(AbstractEffect):
         """Height at `variable`."""
         place = (variable - self.middle) / self.half
         place = 0.5 * (KNOTS - 1) * (jnp.clip(place, -1.0, 1.0) + 1.0)
-        return sum(getattr(self, f"h{k}") * jnp.maximum(0.0, 1.0 - jnp.abs(place - k)) for k in range(KNOTS))
+        roofs = (getattr(self, f"h{k}") * jnp.maximum(0.0, 1.0 - jnp.abs(place - k)) for k in range(KNOTS))
+        return sum(roofs, jnp.zeros_like(place))
 
 
 def _about(sentence: str, equation: str) -> About:

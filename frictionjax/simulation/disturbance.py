@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import Start, initial_state
+from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.observer import Gains, corrected
 from frictionjax.simulation.ros2 import advance
 
@@ -46,7 +46,7 @@ def residual_force(
         state = corrected(drive, bristles.slack, state, innovation, gains)
         return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing
 
-    first = (initial_state(drive, *start), jnp.zeros_like(dt))
+    first = (state_at(drive, start), jnp.zeros_like(dt))
     missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
     lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
     later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, x.shape[0] - 1)

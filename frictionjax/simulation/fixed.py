@@ -52,6 +52,12 @@ def initial_state(
     return State(x0, v0, z0 * jnp.ones(drive.bristle_count), hidden)
 
 
+def state_at(drive: Drive, start: Start) -> State:
+    """`initial_state` of `drive` for a `start`."""
+    before = start[3] if len(start) == 4 else None
+    return initial_state(drive, start[0], start[1], start[2], before)
+
+
 _MOST_STEPS = 256
 
 

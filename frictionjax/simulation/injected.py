@@ -32,7 +32,7 @@ from frictionjax.physics.effects import (
     Before,
     Now,
 )
-from frictionjax.simulation.fixed import Start, initial_state
+from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.load_side import relaxed
 from frictionjax.simulation.observer import Gains, corrected
 from frictionjax.simulation.ros2 import State, advance
@@ -231,4 +231,4 @@ def injected_innovations(
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     inputs = (signals.push, x - signals.shown, t, signals.injection)
-    return jax.lax.scan(sample, initial_state(drive, *start), inputs)[1]
+    return jax.lax.scan(sample, state_at(drive, start), inputs)[1]

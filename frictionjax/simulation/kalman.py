@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import Start, initial_state
+from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
 _NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
@@ -80,7 +80,7 @@ def kalman_filter(
     - `substeps`: integration steps per sample.
     """
     following = _following(drive, dt, substeps)
-    first = _flat(initial_state(drive, *start))
+    first = _flat(state_at(drive, start))
     size, bristles = first.shape[0], drive.bristle_count
     directions = jnp.eye(size + 1)
     known = jnp.zeros((size, size)).at[0, 0].set(spread[0] ** 2).at[1, 1].set(spread[1] ** 2)
@@ -129,7 +129,7 @@ def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
         return following(state + weight * innovation, motor), output
 
     t = jnp.arange(force.shape[0], dtype=force.dtype) * dt
-    return jax.lax.scan(sample, _flat(initial_state(drive, *start)), (force, given, gain, t))[1]
+    return jax.lax.scan(sample, _flat(state_at(drive, start)), (force, given, gain, t))[1]
 
 
 def predicted_with(

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import Start, initial_state
+from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
 
@@ -119,7 +119,7 @@ def observe(
         return following, (innovation, state.x, state.v, state.z, state.hidden)
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return Observed(*jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1])
+    return Observed(*jax.lax.scan(sample, state_at(drive, start), (force, x, t))[1])
 
 
 def innovations(
@@ -145,4 +145,4 @@ def innovations(
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return jax.lax.scan(sample, initial_state(drive, *start), (force, x, t))[1]
+    return jax.lax.scan(sample, state_at(drive, start), (force, x, t))[1]

@@ -161,7 +161,7 @@ def ros2_step(
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
     spring_1 = drive.spring_force(z1)
-    ahead_hidden = relaxed(hidden, *flow, h) if own else hidden
+    ahead_hidden = relaxed(hidden, flow[0], flow[1], h) if own else hidden
     now_1 = drive.instant(x1, v1, force, spring_1, ahead_hidden)
     level_1, w1 = drive.level_at(now_1), drive.bristle_speed(now_1)
     rate_1 = w1 - jnp.abs(w1) * drive.slip(spring_1 / level_1, w1)
@@ -201,12 +201,9 @@ def ros2_step(
     following = [hidden]
     if own:
         # Source and rate as they are in the mean: second order, and stable however fast a state forgets.
+        flow_1 = drive.relaxation(now_1)
         following = [
-            relaxed(
-                hidden,
-                *(0.5 * (one + other) for one, other in zip(flow, drive.relaxation(now_1), strict=True)),
-                h,
-            )
+            relaxed(hidden, 0.5 * (flow[0] + flow_1[0]), 0.5 * (flow[1] + flow_1[1]), h),
         ]
     if side is not None:
         following.append(load + h * jnp.stack([1.5 * k1_d + 0.5 * k2_d, 1.5 * k1_w + 0.5 * k2_w]))
