@@ -59,7 +59,7 @@ def test_verdict_has_the_schema_of_the_contract(tmp_path):
     assert missing["class"] == ["maxwell_slip", "elasto_plastic"]
     assert missing["parameters"]["share"]["value"] == 0.42
     assert missing["parameters"]["share"]["unit"] == "1"
-    assert set(verdict["unexplained"]) == {"present", "share", "where"}
+    assert set(verdict["unexplained"]) == {"present", "share", "where", "carried_by", "explains"}
     assert {"axis", "bin", "share", "excess"} <= set(verdict["mismatch"][0])
     assert {"value", "stderr", "unit"} <= set(verdict["base"]["parameters"]["J"])
     assert "maxwell_slip.share" in verdict["extended"]["parameters"]
