@@ -19,7 +19,8 @@ from helpers_estimation import (
 from helpers_plants import effect
 from scipy.stats import binom
 
-from frictionjax.diagnosis.name import _score_test, forms_to_try, present_model, try_form
+from frictionjax.diagnosis.name import _score_test, forms_to_try, try_form
+from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.refit import short_list
 from frictionjax.diagnosis.select import SIGNIFICANCE, effect_p_values
 from frictionjax.estimation.batch import make_batch

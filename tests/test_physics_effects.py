@@ -167,7 +167,7 @@ SLIDING = {
         _steady(0.8, lambda x, v: -0.3 * S2 * v),
     ),
     "WarmupByHeat": (
-        {"fall": 0.2, "time_constant": 2.0},
+        {"fall": 0.2, "time_constant": 2.0, "distance": 0.1},
         _steady(lambda x, v: 1.0 / (1.0 + 0.2 * 20.0 * abs(v))),
     ),
 }

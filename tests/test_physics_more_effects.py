@@ -112,7 +112,7 @@ def test_warm_up_by_time_begins_where_the_clock_stands():
 
 def test_warm_up_by_heat_begins_with_what_is_left_of_earlier_paths():
     before = Before(path=jnp.asarray([0.5, 0.2]), age=jnp.asarray([8.0, 2.0]))
-    run, _ = _at(-0.05, effect("WarmupByHeat", fall=0.1, time_constant=4.0), before=before)
+    run, _ = _at(-0.05, effect("WarmupByHeat", fall=0.1, time_constant=4.0, distance=0.1), before=before)
     begin = (0.5 * np.exp(-2.0) + 0.2 * np.exp(-0.5)) / 0.1
     steady = 0.05 / 0.1 * 4.0
     np.testing.assert_allclose(run.hidden[:, 0], steady + (begin - steady) * np.exp(-T / 4.0), rtol=1e-9)

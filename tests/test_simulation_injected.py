@@ -6,7 +6,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import FORMS
 
-from frictionjax.diagnosis.name import present_model
+from frictionjax.diagnosis.present import present_model
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import extend, make_joint
 from frictionjax.estimation.scales import plant_scales

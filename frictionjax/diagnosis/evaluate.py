@@ -82,9 +82,9 @@ def view(judgement: Judgement, scene: Scene) -> View:
         horizon,
         max(horizon // 40, 1),
     )
-    *others, innovation = (np.asarray(part) for part in parts)
+    free, ahead, force, v, bend, innovation = (np.asarray(part) for part in parts)
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
-    return View(*others, innovation / unit * np.asarray(batch.valid))
+    return View(free, ahead, force, v, bend, innovation / unit * np.asarray(batch.valid))
 
 
 def _rmse(model: np.ndarray, measured: np.ndarray) -> float:

@@ -6,6 +6,7 @@ Information grows with time, so d' with its square root.
 """
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -80,7 +81,7 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
     without = Drive(drive.J, drive.friction, drive.motor_constant, drive.effects[:-1])
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)
-    candidates = plain_experiments(break_away, rate)
+    candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
     noise = float(np.median(np.asarray(batch.noise)))
     try:
         ranked = rank_for_discrimination(
@@ -98,4 +99,6 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
         f"To tell {between[0]} from {between[1]}: {best.name}, {seconds:.0f} s (one pass of {_SECONDS:.0f} s separates "
         f"them by {best.d_prime:.1f} standard deviations of the sensor's noise)."
     )
-    return NextExperiment(between, best.name, best.d_prime, seconds, candidates[best.name], rate, sentence)
+    return NextExperiment(
+        between, best.name, best.d_prime, seconds, np.asarray(candidates[best.name]), rate, sentence
+    )

@@ -9,7 +9,8 @@ import numpy as np
 from frictionjax.core import Progress
 from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
 from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
-from frictionjax.diagnosis.name import Trial, forms_to_try, present_model, try_form
+from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
+from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit_all, short_list
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH

@@ -6,7 +6,8 @@ import equinox as eqx
 import numpy as np
 
 from frictionjax.diagnosis.judge import judge
-from frictionjax.diagnosis.name import Present, forms_to_try, present_model, try_form
+from frictionjax.diagnosis.name import forms_to_try, try_form
+from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import Compared, Model, compare
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.robust_fit import descend

@@ -6,6 +6,8 @@ from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.evidence import Forces
 from frictionjax.physics import Drive
 
+_TINY = 1e-100  # its cube is still a number
+
 
 def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
     """Sizes by the names that `Parameter.scale` may use.
@@ -24,7 +26,7 @@ def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
     # The speed of a twentieth of a second: neither noise nor encoder steps count.
     top = max(_speed(x, float(h)) for x, h in zip(inside, dt, strict=True))
     inputs = np.abs(np.asarray(batch.u)) if isinstance(batch, Batch) else np.ones(1)
-    largest = max(float(inputs.max()), 1e-300)
+    largest = max(float(inputs.max()), _TINY)
     noise = np.asarray(batch.noise) if isinstance(batch, Batch) else np.full(1, 1e-6 * stroke)
     return {
         "Fc": Fc,
@@ -51,4 +53,4 @@ def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
 def _speed(x: np.ndarray, dt: float) -> float:
     """Largest mean speed over a twentieth of a second."""
     window = min(max(round(0.05 / dt), 1), x.size - 1)
-    return max(float(np.max(np.abs(x[window:] - x[:-window]))) / (window * dt), 1e-300)
+    return max(float(np.max(np.abs(x[window:] - x[:-window]))) / (window * dt), _TINY)

@@ -137,7 +137,10 @@ class AbstractStateEffect(AbstractEffect):
         """`source` and `rate` (1/s, not negative) of the states for what is `now`; `friction` gives scales."""
 
     def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
-        """States at the first sample of a recording, given what was `before`; zero unless the effect knows better."""
+        """States at the first sample of a recording, given what was `before`; zero unless the effect knows better.
+
+        `friction` gives scales.
+        """
         return jnp.zeros(self.states)
 
 
@@ -146,7 +149,8 @@ class AbstractCreepEffect(AbstractStateEffect):
 
     @abstractmethod
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        """Velocity that the bristles see less than the machine has, position/s, for what is `now`."""
+        """Velocity that the bristles see less than the machine has, position/s, for what is `now`; `friction` gives
+        scales."""
 
 
 class AbstractBristleEffect(AbstractEffect):

@@ -1,0 +1,172 @@
+"""The fitted model as the tests of effects see it: innovations, weighed Jacobian, and effects injected into it."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.estimation.joint import LANES, Joint, misfit_of, sum_clusters
+from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.residuals import block_power
+from frictionjax.physics.effects import AbstractEffect
+from frictionjax.simulation import Gains, innovation_gain, observe
+from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
+from frictionjax.simulation.observer import corrected_states
+
+
+class Weighing(eqx.Module):
+    """What the regressions of all effects share: a weight of each sample `(r, n)`, the weighted Jacobian `(q, m)`, its
+    Gram matrix with the prior `(q, q)`, its product with the innovations `(q,)`, and that of each cluster `(c, q)`."""
+
+    weight: Float[Array, "r n"]
+    base: Float[Array, "q m"]
+    gram: np.ndarray
+    right: np.ndarray
+    clusters: np.ndarray
+
+
+class Present(eqx.Module):
+    """The model to which effects are added, before the fitted recordings alone.
+
+    **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `weighings` (one for each knee),
+    `misfit`, `motion` (what it knows along the observed motion, arrays of shape `(r, n)`).
+    """
+
+    joint: Joint
+    vector: Float[Array, " q"]
+    e: Float[Array, "r n"]
+    weighings: tuple[Weighing, ...]
+    misfit: float
+    motion: Along
+
+    def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
+        """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
+        whose signals along the observed motion are injected; shape `(k, r, n)`."""
+        old, more = len(self.joint.layout), len(joints[0].layout)
+        drive, batch, found = self.joint.drive(self.vector), self.joint.batch, []
+        for first in range(0, len(vectors), LANES):
+            some = list(zip(joints, vectors, strict=True))[first : first + LANES]
+            padded = some + [some[-1]] * (LANES - len(some))
+            effects = jax.tree.map(
+                lambda *leaves: jnp.stack(leaves), *(_effect_at(joint, vector) for joint, vector in padded)
+            )
+            model = (drive.friction, drive.J, drive.motor_constant)
+            signals = _signals(effects, model, self.motion, batch.dt, batch.before)
+            stack = jnp.stack([vector for _, vector in padded])
+            own = jnp.concatenate([stack[:, :old], stack[:, more:]], axis=1)
+            found.append(_injected_lanes(self.joint.layout, own, self.joint.setting, signals)[: len(some)])
+        return jnp.concatenate(found)
+
+
+def _effect_at(joint: Joint, vector) -> AbstractEffect:
+    """The last effect of `joint` at a free `vector`."""
+    effect, place = joint.setting.drive.effects[-1], len(joint.setting.drive.effects) - 1
+    values, point = {}, np.asarray(vector)
+    for index, free in enumerate(joint.layout):
+        if not free.path.startswith(f"effects.{place}."):
+            continue
+        parameter, coordinate = free.parameter, point[index]
+        value = np.exp(coordinate) if parameter.transform == "log" else coordinate * float(free.scale)
+        values[parameter.name] = np.clip(value, parameter.lower, parameter.upper)
+    fixed = {
+        name: getattr(effect, name)
+        for name in (parameter.name for parameter in effect.strengths + effect.nuisances)
+        if name not in values
+    }
+    return type(effect)(**values, **fixed)
+
+
+@eqx.filter_jit
+def _motion(drive, deflection, batch, gains):
+    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, before):
+        own = Gains(position_gain, velocity_gain)
+        seen = observe(drive, drive.applied_force(u, dt), x, dt, own, (x0, v0, z0, before))
+        return along(drive, corrected_states(drive, seen, own), u, dt)
+
+    z0 = deflection * drive.friction.Fs / drive.friction.sigma0
+    return jax.vmap(one)(
+        batch.u,
+        batch.x,
+        batch.dt,
+        gains.position,
+        gains.velocity,
+        batch.x0,
+        batch.v0,
+        z0,
+        batch.before,
+    )
+
+
+@eqx.filter_jit
+def _signals(effects, model, motion, dt, before):
+    # Nothing here depends on what effects the model has: each form is compiled once.
+    def lane(effect):
+        friction, inertia, motor_constant = model
+
+        def one(known, dt, before):
+            return signals_along(friction, inertia, motor_constant, effect, known, dt, before)
+
+        return jax.vmap(one)(motion, dt, before)
+
+    return jax.vmap(lane)(effects)
+
+
+@eqx.filter_jit
+def _injected_lanes(layout, vectors, setting, signals):
+    batch, gains, count = setting.batch, setting.gains, len(layout)
+
+    def lane(vector, signals):
+        drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
+        z0 = vector[count:] * drive.friction.Fs / drive.friction.sigma0
+
+        def one(signals, x, dt, position_gain, velocity_gain, x0, v0, z, before):
+            own = Gains(position_gain, velocity_gain)
+            return injected_innovations(drive, signals, x, dt, own, (x0, v0, z, before))
+
+        raw = jax.vmap(one)(
+            signals,
+            batch.x,
+            batch.dt,
+            gains.position,
+            gains.velocity,
+            batch.x0,
+            batch.v0,
+            z0,
+            batch.before,
+        )
+        return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
+
+    return jax.vmap(lane)(vectors, signals)
+
+
+@eqx.filter_jit
+def lane_powers(e, batch):
+    return jax.vmap(lambda lane: block_power(lane, batch))(e)
+
+
+@eqx.filter_jit
+def _weighing(power, knee, e, jacobian, setting):
+    batch = setting.batch
+    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
+    weighted = jacobian * weight[None]
+    base = weighted.reshape(jacobian.shape[0], -1)
+    gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + jnp.diag(setting.prior**2)
+    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * e[None], batch.block)
+
+
+def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
+    """The fitted model before its fitted recordings, ready for tests."""
+    joint, vector = joint.of_fitted(vector)
+    e, jacobian = joint.errors_and_columns(vector)
+    power = np.asarray(block_power(e, joint.batch))
+    used = power[np.asarray(joint.batch.block_count) > 0]
+    knees = dict.fromkeys((1.0, max(float(np.quantile(used, 0.7)), 1.0)))
+    weighings = []
+    for knee in knees:
+        weight, base, *small = _weighing(jnp.asarray(power), jnp.asarray(knee), e, jacobian, joint.setting)
+        weighings.append(Weighing(weight, base, *(np.asarray(part) for part in small)))
+    gains, count = joint.setting.gains, len(joint.layout)
+    motion = _motion(joint.drive(vector), vector[count:], joint.batch, gains)
+    misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
+    return Present(joint, vector, e, tuple(weighings), misfit, motion)
