@@ -17,7 +17,9 @@ _SMALL = 1e-4  # of Coulomb friction: small enough for a linear answer, far abov
 _SMOOTH = 5  # blocks over which the answer is averaged
 _QUANTILE = 0.4  # of the blocks' own estimates: an effect raises blocks, so the middle is too high
 _SEEN = 0.1  # of the largest answer: blocks that answer less say nothing of the force
-_LARGEST = 0.02  # of Coulomb friction: more than this is no disturbance but physics
+# Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
+# physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
+_LARGEST = 0.005
 
 
 class Answer(eqx.Module):

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import InputError
 from frictionjax.diagnosis.refit import Refitted
 from frictionjax.information import rank_for_discrimination
 from frictionjax.physics import Drive
@@ -75,7 +74,10 @@ def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[
 
 
 def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | None:
-    """The plain experiment that best separates two models as they were fitted; None where none does within an hour."""
+    """The plain experiment that best separates two models as they were fitted; None where none does within an hour.
+
+    **Raises:** `InputError` where there is nothing to design: two forms of one effect, or runs that overflow.
+    """
     drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
     batch = accepted.model.joint.batch
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
@@ -83,13 +85,9 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)
     candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
     noise = float(np.median(np.asarray(batch.noise)))
-    try:
-        ranked = rank_for_discrimination(
-            without, drive.effects[-1], other.effects[-1], candidates, rate, noise, refit_steps=_STEPS
-        )
-    except InputError:
-        # A run that overflows, or two forms of one effect: there is nothing to design.
-        return None
+    ranked = rank_for_discrimination(
+        without, drive.effects[-1], other.effects[-1], candidates, rate, noise, refit_steps=_STEPS
+    )
     best = ranked.best
     seconds = _SECONDS * max((_WANTED / best.d_prime) ** 2, 1.0) if best.d_prime > 0.0 else np.inf
     if not seconds < _LONGEST:

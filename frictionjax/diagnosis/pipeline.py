@@ -141,7 +141,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
     base_parameters = parameters_of(base, units)
     extended = base_parameters if final is base else parameters_of(final, units)
-    experiments = _experiments(steps, progress)
+    experiments, not_designed = _experiments(steps, progress)
     missing = _missing(steps, extended, where_words(bins), experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
@@ -158,7 +158,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         extended=extended,
         recordings=fits,
         candidates=candidates(steps, units, untestable),
-        warnings=_warnings(case, base_parameters, message_of(base), start.notes),
+        warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
     )
 
@@ -225,18 +225,26 @@ def _unexplained(
     return Unexplained(present, share, where, carried, residual.compared.share_holdout if carried else 0.0)
 
 
-def _experiments(steps: list[Step], progress: Progress) -> dict[str, NextExperiment]:
-    """Named effect -> the experiment that tells it from the closest of its class."""
-    found = {}
+def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
+    """Named effect -> the experiment that tells it from the closest of its class; and why there is none, where there is
+    none."""
+    found, failed = {}, []
     for step in steps:
         if step.accepted is None or not step.rivals:
             continue
         rival = next(r for r in step.refits if r.effect in step.rivals)
         progress(f"designing the experiment that tells {step.accepted.effect} from {rival.effect}", 0.97)
-        designed = next_experiment(step.accepted, rival)
-        if designed is not None:
+        pair = f"{step.accepted.effect} from {rival.effect}"
+        try:
+            designed = next_experiment(step.accepted, rival)
+        except InputError as error:
+            failed.append(f"No experiment was designed that tells {pair}: {error}")
+            continue
+        if designed is None:
+            failed.append(f"None of the plain experiments tells {pair} within an hour.")
+        else:
             found[step.accepted.effect] = designed
-    return found
+    return found, tuple(failed)
 
 
 def _missing(

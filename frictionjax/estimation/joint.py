@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
-from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack
+from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
 from frictionjax.estimation.residuals import block_power
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
@@ -26,8 +26,6 @@ CLUSTER_BLOCKS = 10
 """Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 LANES = 6
 """Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
-
-_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
 
 
 class Look(eqx.Module):
@@ -188,10 +186,6 @@ def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -
     return float(np.sum(losses_of(power, batch) * rows[:, None])) / max(samples, 1.0)
 
 
-def _weak_prior(layout: tuple[Free, ...]) -> list[float]:
-    return [1.0 / (_PRIOR_LOG if f.parameter.transform == "log" else _PRIOR_STRENGTH) for f in layout]
-
-
 def make_joint(
     drive: Drive,
     batch: Batch,
@@ -213,7 +207,7 @@ def make_joint(
     layout = base_layout(drive, dt, known_inertia=known_inertia) + effect_layout(drive, scales or {})
     recordings = batch.u.shape[0]
     start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
-    prior = jnp.asarray(_weak_prior(layout) + [1.0 / _PRIOR_DEFLECTION] * recordings)
+    prior = weak_prior(layout, recordings)
     setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)
     fitted = jnp.asarray(np.where(held_out, 0.0, 1.0))
     return Joint(layout, setting, fitted).at_bandwidth(FAST_BANDWIDTH), start
@@ -248,6 +242,6 @@ def extend(
         setting.gains,
         setting.weight,
         insert(setting.start, start),
-        insert(setting.prior, jnp.asarray(_weak_prior(added))),
+        insert(setting.prior, weak_prior(added, 0)),
     )
     return Joint(joint.layout + added, setting, joint.fitted), insert(vector, start)
