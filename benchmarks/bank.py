@@ -18,6 +18,7 @@ import numpy as np
 import frictionjax as fj
 from benchmarks.concealed import CATALOGUE, OUTSIDE, make_case
 from frictionjax.diagnosis import pipeline
+from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.select import Step
 from frictionjax.recordings import Plant, Recording
 
@@ -106,23 +107,33 @@ def told(step: Step) -> dict:
     }
 
 
-def diagnosed(job: dict) -> dict:
-    """One line."""
+def diagnosed(job: dict, *, left_out: bool = False) -> dict:
+    """One line; with `left_out` also what is said, from the same base fit, when the catalogue lacks what is missing."""
     simulated = make_case(job["seed"], missing=tuple(job["missing"]), strength=job["strength"])
     kept: dict[str, list[Step]] = {}
-    select = pipeline.select
+    select, try_catalogue = pipeline.select, selection.try_catalogue
+    tested: dict[int, tuple[object, list]] = {}
+
+    def tested_once(model, scales, executor, without):
+        if id(model) not in tested:
+            tested[id(model)] = model, try_catalogue(model, scales, executor, frozenset(job["without"]))
+        return [trial for trial in tested[id(model)][1] if trial.effect not in without]
 
     def watched(*arguments, **options):
         kept["steps"] = select(*arguments, without=frozenset(job["without"]), **options)
+        if left_out:
+            kept["left"] = select(*arguments, without=frozenset(job["missing"]), **options)
         return kept["steps"]
 
-    pipeline.select = watched
+    pipeline.select, selection.try_catalogue = watched, tested_once
     start = time.perf_counter()
     try:
         found = fj.diagnose(case_of(simulated))
     finally:
-        pipeline.select = select
+        pipeline.select, selection.try_catalogue = select, try_catalogue
+    left = kept.get("left")
     return job | {
+        "left": left and {"verdict": pipeline.verdict_of(left)[0], "steps": [told(step) for step in left]},
         "verdict": found.verdict,
         "named": [m.effect for m in found.missing],
         "classes": [list(m.effect_class) for m in found.missing],
@@ -139,6 +150,7 @@ def diagnosed(job: dict) -> dict:
         },
         "process_noise": simulated.truth["process_noise"],
         "seconds": time.perf_counter() - start,
+        "stages": found.seconds,
         "compile": found.seconds["compile"],
     }
 
@@ -150,7 +162,9 @@ def plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
-def fill(path: Path, plan: str, strengths: list[str], seeds: list[int], only: list[str]) -> None:
+def fill(
+    path: Path, plan: str, strengths: list[str], seeds: list[int], only: list[str], *, left_out: bool = False
+) -> None:
     """Diagnose what the plan asks for and is not in the file at `path` yet; a line each, printed as they come."""
     path.parent.mkdir(parents=True, exist_ok=True)
     key = ("seed", "missing", "strength", "without")
@@ -159,7 +173,7 @@ def fill(path: Path, plan: str, strengths: list[str], seeds: list[int], only: li
     for job in jobs(plan, strengths, seeds, only):
         if json.dumps([job[k] for k in key]) in done:
             continue
-        line = diagnosed(job)
+        line = diagnosed(job, left_out=left_out)
         with path.open("a") as file:
             file.write(json.dumps(line, default=plain) + "\n")
         sys.stderr.write(
@@ -177,10 +191,18 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--left-out", action="store_true", help="diagnose also without what is missing")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
-    fill(arguments.out, arguments.plan, arguments.strengths, arguments.seeds, arguments.only)
+    fill(
+        arguments.out,
+        arguments.plan,
+        arguments.strengths,
+        arguments.seeds,
+        arguments.only,
+        left_out=arguments.left_out,
+    )
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
-    verdict, left = _verdict(steps)
+    verdict, left = verdict_of(steps)
     residual = None
     if verdict == "unknown":
         progress("what carries the rest", 0.82)
@@ -185,7 +185,7 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene):
     return mismatch_map(seen, extended, axes_of(motion, base, plant, scene), scene)
 
 
-def _verdict(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
+def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
     """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
     explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
     accepted = [step for step in steps if step.accepted is not None]
