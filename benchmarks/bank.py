@@ -116,13 +116,16 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
 
     def tested_once(model, scales, executor, without):
         if id(model) not in tested:
-            tested[id(model)] = model, try_catalogue(model, scales, executor, frozenset(job["without"]))
+            tested[id(model)] = (
+                model,
+                try_catalogue(model, scales, executor, without - frozenset(job["missing"])),
+            )
         return [trial for trial in tested[id(model)][1] if trial.effect not in without]
 
-    def watched(*arguments, **options):
-        kept["steps"] = select(*arguments, without=frozenset(job["without"]), **options)
+    def watched(*arguments, without=frozenset(), **options):
+        kept["steps"] = select(*arguments, without=without | frozenset(job["without"]), **options)
         if left_out:
-            kept["left"] = select(*arguments, without=frozenset(job["missing"]), **options)
+            kept["left"] = select(*arguments, without=without | frozenset(job["missing"]), **options)
         return kept["steps"]
 
     pipeline.select, selection.try_catalogue = watched, tested_once

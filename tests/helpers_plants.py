@@ -107,6 +107,7 @@ LARGE = {
     "ViscoelasticDamping": (0.3,),
     "WarmupByTime": (0.9, 0.9),
     "WarmupByHeat": (3.0,),
+    "WarmupByTemperature": (0.5,),
 }
 """Strengths of each form that tell on a plant of the size of Table I; elasto-slip elements have tests of their own."""
 

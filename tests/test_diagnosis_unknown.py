@@ -59,12 +59,24 @@ def case(*recordings, unit="rad"):
 
 def test_what_the_recordings_cannot_show_is_told():
     stick, wide = open_loop("stick", stick_noise(2.0), seed=1), closed_loop("wide", moves(3.0), seed=2)
-    lacking = not_testable(case(stick), make_batch((stick,), encoder_step=FINE))
+    lacking, _ = not_testable(case(stick), make_batch((stick,), encoder_step=FINE))
     assert "slides" in lacking["friction_lag"] and "creep" not in lacking
+    assert "warmup" in lacking
     both = case(stick, wide, unit="m")
     assert set(missing_needs(both, make_batch((stick, wide), encoder_step=FINE))) >= {"angle"}
-    told = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
+    told, forms = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
     assert "friction_lag" not in told and "radian" in told["gravity_pendulum"]
+    assert "WarmupByTemperature" in forms or "warmup" in told
+
+
+def test_a_form_that_cannot_be_seen_does_not_bar_the_others():
+    once, twice = closed_loop("early", moves(3.0), seed=2), closed_loop("late", moves(3.0), seed=3)
+    clocked = once, dataclasses.replace(twice, start_time=60.0)
+    told, forms = not_testable(case(*clocked), make_batch(clocked, encoder_step=FINE))
+    assert "warmup" not in told and forms == {"WarmupByTemperature"}
+    warm = tuple(dataclasses.replace(r, temperature=20.0 + np.linspace(0.0, 5.0, r.x.size)) for r in clocked)
+    _, forms = not_testable(case(*warm), make_batch(warm, encoder_step=FINE))
+    assert not forms
 
 
 def test_experiments_stay_below_or_go_beyond_break_away_as_their_names_say():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
-from frictionjax.estimation.batch import make_batch, noise_level
+from frictionjax.estimation.batch import make_batch, noise_level, what_was_before
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
@@ -155,3 +155,20 @@ def _misfit(recordings):
     held_out = np.zeros(len(recordings), bool)
     joint, vector = make_joint(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
     return joint.at_bandwidth(SLOW_BANDWIDTH).misfits([vector])[0]
+
+
+def test_measured_temperatures_are_kept_from_the_first_sample_on():
+    """Straight lines between nine instants, in K above where the first recording began; none unless all have them."""
+    t = np.arange(8000) / 1000.0
+    x = np.random.default_rng(0).standard_normal(8000)
+
+    def warm(name, begin, rate, start):
+        return Recording(name, 1000.0, x, x, start_time=start, temperature=begin + rate * t)
+
+    later, first = warm("later", 30.0, 0.5, 100.0), warm("first", 21.0, 1.0, 0.0)
+    kept = np.asarray(what_was_before((later, first)).temperature)
+    # A value at an end is the mean of the thirty-second part of the recording beside it.
+    np.testing.assert_allclose(kept[1], np.arange(9) * 1.0, atol=0.3)
+    np.testing.assert_allclose(kept[0], 9.0 + np.arange(9) * 0.5, atol=0.3)
+    cold = Recording("cold", 1000.0, x, x, start_time=200.0)
+    assert not np.any(np.asarray(what_was_before((first, cold)).temperature))

@@ -94,9 +94,9 @@ def test_standard_errors_carry_units(parameters):
 
 
 def test_the_covariance_is_one(fitted, parameters):
-    joint = fitted.joint
-    hessian, clusters = (np.asarray(part) for part in joint.normal_equations(fitted.fitted.vector))
-    covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
+    look = fitted.fitted.look
+    prior = np.asarray(fitted.joint.setting.prior)
+    covariance = sandwich(np.asarray(look.hessian), np.asarray(look.clusters), prior)
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
@@ -108,7 +108,7 @@ def test_the_covariance_is_one(fitted, parameters):
 def test_clusters_add_up_to_the_gradient(fitted):
     """But for the prior, the gradient of the cost that was brought down is the sum over clusters of 0.5 s."""
     joint, vector = fitted.joint, fitted.fitted.vector
-    _, clusters = joint.normal_equations(vector)
+    clusters = np.asarray(fitted.fitted.look.clusters)
     off = (vector - joint.setting.start) * joint.setting.prior**2
     gradient = np.asarray(joint.look(vector).gradient - off)
     size = np.sqrt(np.sum(np.asarray(clusters) ** 2, axis=0))

@@ -170,6 +170,8 @@ SLIDING = {
         {"fall": 0.2, "time_constant": 2.0, "distance": 0.1},
         _steady(lambda x, v: 1.0 / (1.0 + 0.2 * 20.0 * abs(v))),
     ),
+    # Where no temperature was measured nothing is said of it.
+    "WarmupByTemperature": ({"fall": 0.2}, _steady()),
 }
 """Strengths of each form, and the force that opposes steady sliding at x and v under the motor force PUSH."""
 
@@ -191,7 +193,7 @@ def test_force_of_steady_sliding_is_the_closed_form(form):
         for _ in range(3):  # the level may rest on the states, and they on the level
             now = drive.instant(x, v, PUSH, jnp.sign(v) * level, hidden)
             source, rate = drive.relaxation(now)
-            hidden = source / rate
+            hidden = jnp.where(rate > 0.0, source / rate, 0.0)  # a state that nothing moves stays
             level = drive.level_at(drive.instant(x, v, PUSH, now.spring, hidden))
         z = jnp.sign(v) * level * bristles.slack / S0
         return drive.friction_force(bristles, x, v, z, H, hidden, PUSH)

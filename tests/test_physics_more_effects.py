@@ -118,6 +118,19 @@ def test_warm_up_by_heat_begins_with_what_is_left_of_earlier_paths():
     np.testing.assert_allclose(run.hidden[:, 0], steady + (begin - steady) * np.exp(-T / 4.0), rtol=1e-9)
 
 
+def test_warm_up_by_temperature_follows_what_was_measured():
+    """Nine temperatures over the recording, straight lines between; fall is per kelvin."""
+    kelvin = np.array([0.0, 5.0, 7.0, 6.0, 9.0, 12.0, 11.0, 14.0, 20.0])
+    before = Before(temperature=jnp.asarray(kelvin), duration=T[-1])
+    run, drive = _at(0.01, effect("WarmupByTemperature", fall=0.02), before=before)
+    levels = jax.vmap(lambda hidden: drive.level_at(drive.instant(run.x[0], run.v[0], hidden=hidden)))(
+        run.hidden
+    )
+    cold = TABLE_I.level_at(TABLE_I.instant(run.x[0], run.v[0], hidden=jnp.zeros(0)))
+    warm = np.interp(T, np.linspace(0.0, T[-1], 9), kelvin)
+    np.testing.assert_allclose(levels, float(cold) / (1.0 + 0.02 * warm), rtol=1e-9)
+
+
 def test_friction_that_would_fall_below_zero_stays_positive():
     made = effect("WarmupByHeat", fall=-0.1)
     drive = TABLE_I.with_effects(made)

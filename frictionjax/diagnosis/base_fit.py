@@ -58,7 +58,7 @@ def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model` with standard errors by the clustered sandwich; `units` maps
     force, position, input to unit names."""
     joint, vector = model.joint, model.fitted.vector
-    hessian, clusters = (np.asarray(part) for part in joint.normal_equations(vector))
+    hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
     else:

@@ -16,6 +16,7 @@ _WORDS = {
     "both directions": "no recording moves in both directions",
     "clock": "the recordings share no clock (start_time) that covers a warm-up",
     "angle": "the position is no angle in radians",
+    "temperature": "not every recording has a temperature, or it changes by less than a kelvin",
 }
 
 
@@ -37,16 +38,28 @@ def missing_needs(case: Case, batch: Batch) -> dict[str, str]:
         "both directions": any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
         "clock": len(starts) > 1 or span > 10.0,
         "angle": case.plant.position_unit.strip().lower() in ("rad", "radian", "radians"),
+        "temperature": _temperature_range(case) >= 1.0,
     }
     return {need: text for need, text in _WORDS.items() if not met[need]}
 
 
-def not_testable(case: Case, batch: Batch) -> dict[str, str]:
-    """Effect of the catalogue that the recordings cannot show -> why, in words; arguments as in `missing_needs`."""
+def _temperature_range(case: Case) -> float:
+    """Range of the measured temperatures, K; 0 unless every recording has them."""
+    if any(r.temperature is None for r in case.recordings):
+        return 0.0
+    return float(np.ptp(np.concatenate([np.asarray(r.temperature) for r in case.fit_recordings])))
+
+
+def not_testable(case: Case, batch: Batch) -> tuple[dict[str, str], frozenset[str]]:
+    """Effects of the catalogue that the recordings cannot show in any form -> why, in words; and the forms that they
+    cannot show of other effects. Arguments as in `missing_needs`."""
     lacking = missing_needs(case, batch)
-    reasons = {}
+    reasons: dict[str, str] = {}
+    unseen: set[str] = set()
     for name, forms in catalogue().items():
-        why = [lacking[need] for form in forms for need in form.about.needs if need in lacking]
-        if why:
-            reasons[name] = why[0]
-    return reasons
+        why = {form.__name__: [lacking[n] for n in form.about.needs if n in lacking] for form in forms}
+        if all(why.values()):
+            reasons[name] = next(iter(why.values()))[0]
+        else:
+            unseen |= {form for form, reason in why.items() if reason}
+    return reasons, frozenset(unseen)

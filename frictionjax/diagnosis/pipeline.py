@@ -4,6 +4,7 @@ import os
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
 
+import equinox as eqx
 import numpy as np
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
@@ -15,6 +16,7 @@ from frictionjax.diagnosis.evaluate import View, recording_fits, view
 from frictionjax.diagnosis.judge import Scene, explained
 from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
+from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.select import (
     ADEQUATE_MISFIT,
     LEAST_SHARE,
@@ -113,11 +115,12 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         known_inertia=plant.inertia is not None,
     )
     clock.stage("base fit")
-    untestable = not_testable(case, batch)
+    untestable, unseen = not_testable(case, batch)
     steps = select(
         base,
         executor,
         lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
+        without=unseen,
         barred=frozenset(untestable),
     )
     clock.stage("naming")
@@ -134,9 +137,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     progress("judging on every recording", 0.86)
     dt = float(np.max(np.asarray(batch.dt)))
     scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
-    models = [base] if final is base else [base, final]
-    views = list(executor.map(lambda model: view(model.judgement, scene), models))
-    base_view, extended_view = views[0], views[-1]
+    base_view, extended_view = _views(base, final, scene)
     progress("locating", 0.95)
     bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
     base_parameters = parameters_of(base, units)
@@ -161,6 +162,17 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
     )
+
+
+def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
+    """Base and final model before all recordings; the base model as the final one with silent effects, so that both
+    are compiled once."""
+    extended = view(final.judgement, scene)
+    if final is base:
+        return extended, extended
+    silent_effects = [effect.silenced() for effect in final.judgement.drive.effects]
+    structure = base.judgement.drive.with_effects(*silent_effects)
+    return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
 
 
 class _Stages:

@@ -60,8 +60,8 @@ class Step(eqx.Module):
 def try_catalogue(
     model: Model, scales: dict[str, float], executor: Executor, without: frozenset[str]
 ) -> list[Trial]:
-    """Every form of every effect of the catalogue, except those in the model and those `without`, at every point of its
-    grid."""
+    """Every form of every effect of the catalogue, except those in the model and those named in `without` (effects or
+    forms), at every point of its grid."""
     present = present_model(model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector)
     batch = present.joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
@@ -73,6 +73,7 @@ def try_catalogue(
     }
     inside = model.joint.setting.drive.effects
     forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
+    forms = [form for form in forms if form.__name__ not in without]
     if any(isinstance(effect, AbstractLoadEffect) for effect in inside):
         forms = [form for form in forms if not issubclass(form, AbstractLoadEffect)]
     # Another form of an effect that is named already is a matter of its form, not another effect.
@@ -126,7 +127,7 @@ def select(
     - `model`: the fitted base model.
     - `executor`: runs tests and refits side by side.
     - `progress`: told as it goes.
-    - `without`: names of effects to leave out of the catalogue.
+    - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     """
     scales = plant_scales(model.judgement.drive, model.joint.batch)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from frictionjax.physics.effects import Before
+from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
 
 # The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
@@ -98,7 +98,23 @@ def what_was_before(recordings: tuple[Recording, ...]) -> Before:
         rest=jnp.asarray(np.maximum(rest, 0.0)),
         path=jnp.asarray(np.where(earlier, np.array(paths)[None, :], 0.0)),
         age=jnp.asarray(np.where(earlier, ago, 0.0)),
+        duration=jnp.asarray([r.duration for r in recordings]),
+        temperature=jnp.asarray(_temperatures(recordings)),
     )
+
+
+def _temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
+    """Measured temperatures as in `Before`, shape `(r, TEMPERATURES)`; zeros unless every recording has them."""
+    if any(r.temperature is None for r in recordings):
+        return np.zeros((len(recordings), TEMPERATURES))
+    first = min(recordings, key=lambda r: r.start_time)
+    kept = []
+    for recording in recordings:
+        pieces = np.array_split(np.asarray(recording.temperature), 4 * (TEMPERATURES - 1))
+        means = np.array([piece.mean() for piece in pieces])
+        middle = (np.arange(means.size) + 0.5) / means.size
+        kept.append(np.interp(np.linspace(0.0, 1.0, TEMPERATURES), middle, means))
+    return np.array(kept) - kept[recordings.index(first)][0]
 
 
 def _path(x: np.ndarray) -> float:

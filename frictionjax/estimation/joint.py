@@ -32,13 +32,15 @@ class Look(eqx.Module):
     """One vector before all recordings.
 
     **Attributes:** `power` (mean square of the standardised innovations in each block, `(r, b)`), `cost` (at the knee,
-    of the fitted recordings and the prior), `gradient` `(q,)`, `hessian` `(q, q)`.
+    of the fitted recordings and the prior), `gradient` `(q,)`, `hessian` `(q, q)` (Gauss-Newton, with the prior), and
+    `clusters`, the gradient of each cluster of 0.5 s without the prior, `(c, q)`.
     """
 
     power: Float[Array, "r b"]
     cost: Float[Array, ""]
     gradient: Float[Array, " q"]
     hessian: Float[Array, "q q"]
+    clusters: Float[Array, "c q"]
 
 
 def _cost(power, knee, batch):
@@ -65,16 +67,8 @@ def _look(layout, vector, setting: Setting, fitted, knee) -> Look:
     weighted = flat * weight.ravel()[None]
     cost = jnp.sum(fitted * (_cost(power, knee, batch) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
     gradient = weighted @ e.ravel() + off * setting.prior
-    return Look(power, cost, gradient, weighted @ flat.T + jnp.diag(setting.prior**2))
-
-
-@eqx.filter_jit
-def _products(e, columns, setting: Setting, fitted):
-    power = block_power(e, setting.batch)
-    weight = jnp.repeat(1.0 / (power + 1.0), setting.batch.block, axis=-1) * setting.batch.valid
-    weighted = columns * (weight * fitted[:, None])[None]
-    hessian = jnp.einsum("irn,jrn->ij", weighted, columns) + jnp.diag(setting.prior**2)
-    return hessian, sum_clusters(weighted * e[None], setting.batch.block)
+    clusters = sum_clusters(weighted.reshape(columns.shape) * e[None], batch.block)
+    return Look(power, cost, gradient, weighted @ flat.T + jnp.diag(setting.prior**2), clusters)
 
 
 def sum_clusters(values: Float[Array, "q r n"], block: int) -> Float[Array, "c q"]:
@@ -130,10 +124,6 @@ class Joint(eqx.Module):
     ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
         """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
         return _errors_and_columns(self.layout, vector, self.setting)
-
-    def normal_equations(self, vector: Float[Array, " q"]) -> tuple[Float[Array, "q q"], Float[Array, "c q"]]:
-        """Gauss-Newton matrix with the prior at `vector`, and the gradient of each cluster of 0.5 s (fitted ones)."""
-        return _products(*self.errors_and_columns(vector), self.setting, self.fitted)
 
     def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Joint", Float[Array, " q"]]:
         """The fitted recordings alone, and what is left of `vector`."""

@@ -1,5 +1,6 @@
 """Physics that the base model leaves out, one effect a file."""
 
+from frictionjax.physics.effects.base import TEMPERATURES as TEMPERATURES
 from frictionjax.physics.effects.base import About as About
 from frictionjax.physics.effects.base import AbstractBristleEffect as AbstractBristleEffect
 from frictionjax.physics.effects.base import AbstractCreepEffect as AbstractCreepEffect

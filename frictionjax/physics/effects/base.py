@@ -4,6 +4,7 @@ Every strength is zero at the base model, and the model is differentiable there.
 state that goes on from sample to sample (`AbstractStateEffect`), and the friction level that depends on it.
 """
 
+import dataclasses
 from abc import abstractmethod
 
 import equinox as eqx
@@ -44,17 +45,27 @@ class Now(eqx.Module):
     hidden: Float[Array, " states"]
 
 
+TEMPERATURES = 9
+"""Instants at which a recording's measured temperature is kept; it is a slow signal."""
+
+
 class Before(eqx.Module):
     """What came before a recording, as far as it is known.
 
     **Attributes:** `clock` (s since power-on at its first sample), `rest` (s that the machine rested before it), and
     the paths travelled before, `path` (position units, shape `(k,)`), each so many s ago, `age` (shape `(k,)`).
+    Of the recording itself: how long it lasts, `duration` (s), and the `temperature` measured in it, in K above that of
+    the first recording's first sample, at `TEMPERATURES` equidistant instants from its first to its last sample.
     """
 
     clock: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     rest: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
     path: Float[Array, "... k"] = eqx.field(converter=real, default_factory=lambda: jnp.zeros(1))
     age: Float[Array, "... k"] = eqx.field(converter=real, default_factory=lambda: jnp.zeros(1))
+    duration: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+    temperature: Float[Array, "... t"] = eqx.field(
+        converter=real, default_factory=lambda: jnp.zeros(TEMPERATURES)
+    )
 
 
 class AbstractEffect(eqx.Module):
@@ -64,6 +75,12 @@ class AbstractEffect(eqx.Module):
     about: eqx.AbstractClassVar[About]
     strengths: eqx.AbstractClassVar[tuple[Parameter, ...]]
     nuisances: eqx.AbstractClassVar[tuple[Parameter, ...]]
+
+    def silenced(self) -> "AbstractEffect":
+        """The same effect with every strength at zero: it does nothing, and compiled code stays as it is."""
+        return dataclasses.replace(
+            self, **{p.name: jnp.zeros_like(getattr(self, p.name)) for p in self.strengths}
+        )
 
 
 class AbstractInputEffect(AbstractEffect):
