@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_plants import STAGE, TABLE_I
+from helpers_plants import STAGE, TABLE_I, effect
 
 from frictionjax.simulation import innovation_gain, innovations, observe, observer_gains, simulate
 
@@ -56,6 +56,29 @@ def test_with_the_true_model_and_no_noise_there_is_nothing_to_correct(sliding):
     seen = observe(STAGE, force, run.x, DT, observer_gains(100.0, DT), _start(run))
     assert float(jnp.max(jnp.abs(seen.innovation))) < 1e-14
     np.testing.assert_allclose(seen.v, run.v, rtol=1e-9)
+
+
+SLIPPING = {
+    "NonlinearBristleByDeflection": {"hardening": 0.4},
+    "NonlinearBristle": {"hardening": 0.4},
+    "SharpYield": {"exponent_change": 2.0},
+    "ElastoPlastic": {"plasticity": 0.8},
+}
+
+
+@pytest.mark.parametrize("form", SLIPPING)
+def test_a_bristle_follows_with_what_it_does_not_lose_whatever_its_law(form):
+    """A slow ramp through break-away: a sliding bristle that is corrected pulls the observer back, and holds it."""
+    drive = STAGE.with_effects(effect(form, **SLIPPING[form]))
+    push = jnp.linspace(0.0, 1.1, N) * STAGE.friction.Fs / STAGE.motor_constant
+    run = simulate(drive, push, RATE, substeps=4)
+    noise = 2e-7 * np.random.default_rng(3).normal(size=N)
+    force, gains = drive.applied_force(push, DT), observer_gains(100.0, DT)
+    found = innovations(drive, force, run.x + noise, DT, gains, ZERO)
+    assert float(jnp.max(jnp.abs(run.v))) > 5.0 * float(STAGE.friction.vs)
+    assert float(jnp.sqrt(jnp.mean(found**2))) / 2e-7 == pytest.approx(
+        float(innovation_gain(gains)), rel=0.02
+    )
 
 
 @pytest.mark.parametrize("bandwidth", [40.0, 150.0])

@@ -62,9 +62,12 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What
     # counts is the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a
     # needle of static friction would buy itself a faster observer.
-    now = drive.instant(x, v, 0.0, drive.friction.sigma0 * state.z[0], state.hidden)
-    yield_deflection = slack * drive.level_at(now) / drive.friction.sigma0
-    stuck = jnp.maximum(0.0, 1.0 - jnp.abs(state.z) / yield_deflection)
+    spring = drive.spring_force(state.z[0])
+    level = drive.level_at(drive.instant(x, v, 0.0, spring, state.hidden))
+    # LuGre's bristle follows with the part of the motion that it does not lose, by whatever law it slips.
+    lost = jnp.abs(drive.slip(spring / level, v))[None]
+    elements = jnp.abs(state.z[1:]) / (slack[1:] * level / drive.friction.sigma0)
+    stuck = jnp.maximum(0.0, 1.0 - jnp.concatenate([lost, elements]))
     return State(x, v, state.z + gains.position * innovation * stuck, state.hidden)
 
 
