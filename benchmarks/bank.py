@@ -19,6 +19,7 @@ import frictionjax as fj
 from benchmarks.concealed import CATALOGUE, OUTSIDE, make_case
 from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
+from frictionjax.diagnosis.confidence import evidence_of
 from frictionjax.diagnosis.select import Step
 from frictionjax.recordings import Plant, Recording
 
@@ -103,6 +104,7 @@ def told(step: Step) -> dict:
             for r, c in zip(step.refits, step.compared, strict=True)
         ],
         "accepted": step.accepted.form if step.accepted else None,
+        "effect": step.accepted.effect if step.accepted else None,
         "rivals": list(step.rivals),
     }
 
@@ -136,7 +138,13 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
         pipeline.select, selection.try_catalogue = select, try_catalogue
     left = kept.get("left")
     return job | {
-        "left": left and {"verdict": pipeline.verdict_of(left)[0], "steps": [told(step) for step in left]},
+        "evidence": evidence_of(kept["steps"]),
+        "left": left
+        and {
+            "verdict": pipeline.verdict_of(left)[0],
+            "steps": [told(step) for step in left],
+            "evidence": evidence_of(left),
+        },
         "verdict": found.verdict,
         "named": [m.effect for m in found.missing],
         "classes": [list(m.effect_class) for m in found.missing],

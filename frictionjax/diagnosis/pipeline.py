@@ -11,6 +11,7 @@ from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
 from frictionjax.diagnosis.candidates import candidates
+from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
 from frictionjax.diagnosis.judge import Scene, explained
@@ -19,7 +20,6 @@ from frictionjax.diagnosis.next_experiment import NextExperiment, next_experimen
 from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.select import (
     ADEQUATE_MISFIT,
-    LEAST_SHARE,
     Step,
     effect_p_values,
     select,
@@ -198,8 +198,8 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene):
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
-    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
-    explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
+    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when every effect that was
+    accepted is more likely right than not; else `unknown`. Then whether something significant is left; its share."""
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:
@@ -208,10 +208,9 @@ def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
         return "unknown", (True, 1.0)
     last = accepted[-1].accepted
     assert last is not None
-    shares = explained(first, last.model.judgement, floor)
-    share = float(np.clip(1.0 - min(shares), 0.0, 1.0))
+    share = float(np.clip(1.0 - min(explained(first, last.model.judgement, floor)), 0.0, 1.0))
     remains = max(last.model.judgement.misfits(floor)) > 2.0 * ADEQUATE_MISFIT
-    if min(shares) > LEAST_SHARE:
+    if all(evidence.confidence > LEAST_CONFIDENCE for evidence in evidence_of(steps)):
         return "named", (bool(remains), share)
     return "unknown", (True, share)
 
@@ -266,9 +265,10 @@ def _missing(
     experiments: dict[str, NextExperiment],
 ) -> tuple[MissingEffect, ...]:
     missing = []
-    for step in steps:
+    believed = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
+    for step, evidence in believed:
         found = step.accepted
-        if found is None:
+        if found is None or evidence.confidence <= LEAST_CONFIDENCE:
             continue
         joint = found.model.joint
         place = len(joint.setting.drive.effects) - 1
@@ -276,16 +276,11 @@ def _missing(
         own = f"effects.{place}."
         named = {p.parameter.name: extended[p.label] for p in joint.layout if p.path.startswith(own)}
         members = (found.effect, *step.rivals)
-        compared = step.compared[step.refits.index(found)]
         missing.append(
             MissingEffect(
                 effect=found.effect,
                 effect_class=members,
-                # Not yet a calibrated probability: the smaller share explained, divided among the class.
-                confidence=round(
-                    float(np.clip(min(compared.share_fit, compared.share_holdout), 0.0, 0.99)) / len(members),
-                    3,
-                ),
+                confidence=round(evidence.confidence, 3),
                 p_value=effect_p_values(step.trials)[found.effect],
                 parameters=named,
                 where=where,
