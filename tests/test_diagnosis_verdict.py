@@ -11,7 +11,8 @@ from helpers_plants import TABLE_I
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.candidates import candidates
-from frictionjax.diagnosis.pipeline import _missing, _unexplained, _verdict
+from frictionjax.diagnosis.confidence import BIAS, WEIGHTS, Evidence, evidence_of
+from frictionjax.diagnosis.pipeline import _missing, _unexplained, verdict_of
 from frictionjax.diagnosis.refit import Compared
 from frictionjax.diagnosis.select import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
@@ -36,58 +37,63 @@ def _judged(fit, holdout=None):
 def _steps(before, *after):
     """Rounds of a selection: each accepts the next judgement, and the last one nothing."""
     ends = [before, *after]
-    steps = [
-        SimpleNamespace(
-            before=SimpleNamespace(judgement=one),
-            floor=FLOOR,
-            accepted=SimpleNamespace(model=SimpleNamespace(judgement=other)),
+    steps = []
+    for number, (one, other) in enumerate(itertools.pairwise(ends)):
+        accepted = SimpleNamespace(effect=f"effect {number}", model=SimpleNamespace(judgement=other))
+        shares = [1.0 - new / old for old, new in zip(one.misfits(FLOOR), other.misfits(FLOOR), strict=True)]
+        steps.append(
+            SimpleNamespace(
+                before=SimpleNamespace(judgement=one),
+                floor=FLOOR,
+                accepted=accepted,
+                refits=[accepted],
+                compared=[_compared(*shares)],
+            )
         )
-        for one, other in itertools.pairwise(ends)
-    ]
     last = SimpleNamespace(before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None)
     return [*steps, last]
 
 
 def test_a_base_model_at_the_noise_is_adequate():
-    assert _verdict(_steps(_judged(0.004))) == ("adequate", (False, 0.0))
+    assert verdict_of(_steps(_judged(0.004))) == ("adequate", (False, 0.0))
     assert _unexplained("adequate", (False, 0.0), BINS, None) == Unexplained(False, 0.0, "")
 
 
 def test_what_explains_nearly_all_is_named():
-    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.004, 0.006)))
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.004, 0.006)))
     assert verdict == "named"
     assert left == (False, pytest.approx(0.02))
     assert _unexplained(verdict, left, BINS, None).where == ""
 
 
 def test_what_explains_most_is_named_and_the_rest_is_told():
-    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.04, 0.09)))
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.04, 0.09)))
     assert verdict == "named"
     assert left == (True, pytest.approx(0.3))
     assert _unexplained(verdict, left, BINS, None).where == "sliding"
 
 
 def test_two_effects_explain_together():
-    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
     assert verdict == "named"
     assert left == (False, pytest.approx(0.004 / 0.3))
 
 
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
-    verdict, left = _verdict(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))
     assert verdict == "unknown"
     assert left == (True, pytest.approx(min(holdout / 0.3, 1.0)))
 
 
 def test_nothing_accepted_is_unknown():
-    verdict, left = _verdict(_steps(_judged(0.4, 0.3)))
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3)))
     assert verdict == "unknown"
     assert _unexplained(verdict, left, BINS, None) == Unexplained(True, 1.0, "sliding")
 
 
 def test_held_out_recordings_alone_can_tell_that_something_is_missing():
-    assert _verdict(_steps(_judged(0.002, 0.3)))[0] == "unknown"
+    assert verdict_of(_steps(_judged(0.002, 0.3)))[0] == "unknown"
 
 
 @pytest.mark.parametrize("helps", [True, False])
@@ -102,6 +108,22 @@ def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
 
 def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0):
     return Compared(share_fit, share_holdout, energy_fit, energy_holdout, 5.0, 5.0)
+
+
+def test_evidence_of_two_effects():
+    """The whole, and each effect where it was found."""
+    first, second = evidence_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.12), _judged(0.02, 0.03)))
+    assert first.whole == second.whole == pytest.approx(0.9)
+    assert first.own == pytest.approx(0.5) and second.own == pytest.approx(0.75)
+    assert first.lead == pytest.approx(0.5 + 0.6) and second.lead == pytest.approx(0.9 + 0.75)
+
+
+def test_confidence_is_the_logistic_of_its_features():
+    odds = np.exp(BIAS + WEIGHTS[0] * np.log(4.0) + WEIGHTS[1] * np.log(3.0) + WEIGHTS[2] * 0.5)
+    assert Evidence(0.8, 0.75, 0.5).confidence == pytest.approx(odds / (1.0 + odds), rel=1e-12)
+    # More of anything makes no name less likely; nothing is certain.
+    assert Evidence(0.9, 0.75, 0.5).confidence >= Evidence(0.8, 0.75, 0.5).confidence
+    assert Evidence(1.3, 1.2, 9.0).confidence < 1.0 and Evidence(-2.0, -1.0, -1.0).confidence > 0.0
 
 
 def test_a_candidate_must_explain_fit_and_held_out_recordings():
@@ -185,26 +207,27 @@ def _refitted(form):
     joint = SimpleNamespace(
         layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), setting=SimpleNamespace(drive=drive)
     )
-    return SimpleNamespace(effect=form.name, trial=trial, model=SimpleNamespace(joint=joint)), trial
+    model = SimpleNamespace(joint=joint, judgement=_judged(0.02))
+    return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
 
 
 def test_a_missing_effect_carries_its_class_and_its_parameters():
     form = catalogue()["delay"][0]
     accepted, trial = _refitted(form)
     shares = [_compared(0.9, 0.8)]
-    step = SimpleNamespace(
-        accepted=accepted, rivals=("drive_lag",), trials=[trial], refits=[accepted], compared=shares
-    )
+    rest = {"trials": [trial], "refits": [accepted], "compared": shares, "floor": FLOOR}
+    rest["before"] = SimpleNamespace(judgement=_judged(0.4))
+    step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), **rest)
     extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
     (found,) = _missing([step], extended, "stick", {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
-    assert found.confidence == pytest.approx(0.4)
+    assert found.confidence == pytest.approx(evidence_of([step])[0].confidence, abs=1e-3)
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
     designed = SimpleNamespace(sentence="To tell delay from drive_lag: a sine.")
     assert _missing([step], extended, "stick", {"delay": designed})[0].split_by == designed.sentence
-    alone = SimpleNamespace(accepted=accepted, rivals=(), trials=[trial], refits=[accepted], compared=shares)
+    alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
     assert _missing([alone], extended, "stick", {})[0].split_by == ""
 
 
