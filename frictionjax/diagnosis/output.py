@@ -96,8 +96,23 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
                 "excess": cell.excess,
                 "excess_extended": cell.excess_extended,
                 "count": cell.count,
+                "p_value": cell.p_value,
             }
             for cell in diagnosis.mismatch
+        ],
+        "mismatch_within": [
+            {
+                "axis": part.axis,
+                "bin": part.bin,
+                "given": part.given,
+                "only": part.only,
+                "share": part.share,
+                "samples": part.samples,
+                "excess": part.excess,
+                "excess_elsewhere": part.excess_elsewhere,
+                "p_value": part.p_value,
+            }
+            for part in diagnosis.within
         ],
         "base": {"parameters": diagnosis.base},
         "extended": {"parameters": diagnosis.extended},
