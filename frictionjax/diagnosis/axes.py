@@ -78,8 +78,9 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
         # From the noise of the position to the velocity of a free mass: l2 q (1 - q) / (1 - p q)^2.
         impulse = np.zeros(round(20.0 / (1.0 - pole)))
         impulse[0] = 1.0
-        answer = lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse) * float(gains.velocity)
-        speeds.append(max(modelled, _SEEN * float(noise) * float(np.linalg.norm(answer))))
+        answer = np.asarray(lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
+        own = float(gains.velocity) * float(np.linalg.norm(answer)) * float(noise)
+        speeds.append(max(modelled, _SEEN * own))
     return np.array(speeds)[:, None]
 
 
@@ -234,7 +235,7 @@ def _time(scene: Scene) -> Axis:
         dt = float(scene.batch.dt[row])
         for first, last in itertools.pairwise(np.linspace(0, scene.batch.lengths[row], 4).astype(int)):
             index[row, first:last] = len(labels)
-            labels.append(f"{name}, {first * dt:.3g} to {last * dt:.3g} s")
+            labels.append(f"{name} from {first * dt:.3g} to {last * dt:.3g} s")
     whole = tuple(
         Union(f"recording {name}", f"in recording {name}", tuple(range(3 * row, 3 * row + 3)))
         for row, name in enumerate(scene.names)

@@ -100,20 +100,6 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
             }
             for cell in diagnosis.mismatch
         ],
-        "mismatch_within": [
-            {
-                "axis": part.axis,
-                "bin": part.bin,
-                "given": part.given,
-                "only": part.only,
-                "share": part.share,
-                "samples": part.samples,
-                "excess": part.excess,
-                "excess_elsewhere": part.excess_elsewhere,
-                "p_value": part.p_value,
-            }
-            for part in diagnosis.within
-        ],
         "base": {"parameters": diagnosis.base},
         "extended": {"parameters": diagnosis.extended},
         "fit": {recording.name: _fit_json(recording) for recording in diagnosis.recordings},
@@ -134,6 +120,20 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
         "warnings": diagnosis.warnings,
         "seconds": diagnosis.seconds,
         "units": {"position": plant.position_unit, "force": plant.force_unit, "input": plant.input_unit},
+        "mismatch_within": [
+            {
+                "axis": part.axis,
+                "bin": part.bin,
+                "given": part.given,
+                "only": part.only,
+                "share": part.share,
+                "samples": part.samples,
+                "excess": part.excess,
+                "excess_elsewhere": part.excess_elsewhere,
+                "p_value": part.p_value,
+            }
+            for part in diagnosis.within
+        ],
         "frictionjax": version("frictionjax"),
     }
     return _plain(content)
