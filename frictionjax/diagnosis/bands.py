@@ -4,7 +4,7 @@ import itertools
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from frictionjax.diagnosis.judge import Scene
 
@@ -17,11 +17,12 @@ _GROUND = 0.01
 class Bands(eqx.Module):
     """Frequency bands and what noise alone leaves in them.
 
-    **Attributes:** `labels`; `null`, the power that the floor leaves in each, shape `(b,)` (its sum is the number of
-    spectral lines), `band` of each line of each recording, and their `lengths`.
+    **Attributes:** `labels`; `lines`, the number of spectral lines in each, and `null`, the power that the floor leaves
+    there, a line's mean being 1, shape `(b,)`; `band` of each line of each recording, and their `lengths` in samples.
     """
 
     labels: tuple[str, ...] = eqx.field(static=True)
+    lines: Int[np.ndarray, " b"]
     null: Float[np.ndarray, " b"]
     band: tuple[np.ndarray, ...]
     lengths: tuple[int, ...] = eqx.field(static=True)
@@ -61,4 +62,5 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
         f"{low:.3g} to {high:.3g} Hz" if np.isfinite(high) else f"above {low:.3g} Hz"
         for low, high in itertools.pairwise(_EDGES[: used + 1].tolist())
     )
-    return Bands(labels, null[:used], tuple(bands), tuple(int(n) for n in scene.batch.lengths))
+    lines = np.bincount(np.concatenate(bands), minlength=used)
+    return Bands(labels, lines, null[:used], tuple(bands), tuple(int(n) for n in scene.batch.lengths))

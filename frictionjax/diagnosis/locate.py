@@ -61,13 +61,14 @@ def locate(
     p_values = chance.p_values(statistic_of(power[:, 0], own, chance.spread))
     names = [(number, axes[number].name, axes[number].labels[k]) for number, k in tally.bins]
     names += [(len(axes), "frequency", label) for label in bands.labels]
-    counts = [*tally.samples.tolist(), *np.maximum(bands.null, 1.0).astype(int).tolist()]
+    counts = [*tally.samples.tolist(), *bands.lines.tolist()]
+    weights = np.concatenate([tally.samples, bands.null])
     rows = [
         MismatchBin(name, label, 0.0, float(before), float(then), count, float(p))
         for (_, name, label), (before, then), count, p in zip(names, power, counts, p_values, strict=True)
     ]
     grouped = itertools.groupby(range(len(rows)), key=lambda i: names[i][0])
-    maps = [_with_shares([rows[i] for i in members]) for _, members in grouped]
+    maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
     bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
     unions = unions_of(bins, axes)
     lead = lead_of(bins, unions)
@@ -105,11 +106,12 @@ def floor_of_samples(floor: Float[np.ndarray, "r b"] | None, scene: Scene) -> Fl
     return np.ones(shape) if floor is None else np.repeat(np.maximum(floor, 1.0), scene.batch.block, axis=1)
 
 
-def _with_shares(rows: list[MismatchBin]) -> list[MismatchBin]:
-    extra = np.array([max(row.excess - 1.0, 0.0) * row.count for row in rows])
+def _with_shares(rows: list[MismatchBin], weights: np.ndarray, members: list[int]) -> list[MismatchBin]:
+    """The bins of one axis, the `members` of `rows`, with their shares; `weights`: power that noise alone leaves."""
+    extra = np.array([max(rows[i].excess - 1.0, 0.0) * weights[i] for i in members])
     total = float(extra.sum())
-    shares = extra / total if total > 0 else np.full(len(rows), 1.0 / len(rows))
-    return [replace(row, share=float(share)) for row, share in zip(rows, shares, strict=True)]
+    shares = extra / total if total > 0 else np.full(len(members), 1.0 / len(members))
+    return [replace(rows[i], share=float(share)) for i, share in zip(members, shares, strict=True)]
 
 
 def _most_telling(maps: list[list[MismatchBin]]) -> list[list[MismatchBin]]:

@@ -1,6 +1,7 @@
 """The map of the base model's mismatch: in which regime, at which speed, position, frequency ... it fails."""
 
 import math
+from collections.abc import Iterable
 from typing import ClassVar
 
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
@@ -36,8 +37,12 @@ class Mismatch(AbstractSection):
         if not axes:
             return ""
         after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
-        high = max([10.0, *(cell.excess for cell in diagnosis.mismatch if math.isfinite(cell.excess))])
-        tables = "".join(_axis(name, cells, after, 1.5 * high) for name, cells in axes.items())
+        # One scale for all axes but frequency: where the observer leaves next to nothing, excess has no like elsewhere.
+        wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
+        tables = "".join(
+            _axis(name, cells, after, _highest(cells) if name == "frequency" else wide)
+            for name, cells in axes.items()
+        )
         grey = _CHANCE if any(map(_may_be_chance, diagnosis.mismatch)) else ""
         parts = "".join(map(_part, diagnosis.within))
         parts = f'<ul class="within">{parts}</ul>' if parts else ""
@@ -52,6 +57,11 @@ def _part(part: Within) -> str:
         f"{number(part.excess, 2)} against {number(part.excess_elsewhere, 2)} elsewhere "
         f"(p = {p_value(part.p_value)}).</li>"
     )
+
+
+def _highest(cells: Iterable[MismatchBin]) -> float:
+    """The end of a scale of excesses."""
+    return 1.5 * max([10.0, *(cell.excess for cell in cells if math.isfinite(cell.excess))])
 
 
 def _may_be_chance(cell: MismatchBin) -> bool:
