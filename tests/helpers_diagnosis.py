@@ -10,6 +10,7 @@ from frictionjax.diagnosis.verdict import (
     MissingEffect,
     RecordingFit,
     Unexplained,
+    Within,
 )
 from frictionjax.recordings import Plant
 
@@ -94,6 +95,8 @@ def fake_diagnosis(*, n: int = 4000, recordings: tuple[RecordingFit, ...] | None
     mismatch = [MismatchBin("regime", label, share, excess, 1.02, 1000) for label, share, excess in cells]
     cells = [(f"{10 * k}-{10 * k + 10} %", 0.02 + 0.01 * k, 1.0 + k) for k in range(12)]
     mismatch += [MismatchBin("since_reversal", label, share, excess) for label, share, excess in cells]
+    cells = [("after rests below 10 ms", 0.04, 1.1, 0.4), ("after rests of 0.3 to 1 s", 0.96, 9.0, 0.005)]
+    mismatch += [MismatchBin("dwell", label, share, excess, 1.0, 500, p) for label, share, excess, p in cells]
     candidates = (
         Candidate(
             "creep",
@@ -145,6 +148,19 @@ def fake_diagnosis(*, n: int = 4000, recordings: tuple[RecordingFit, ...] | None
             "noise_small: 0.3 % of the time stamps are jittered by more than 10 % and were resampled.",
         ),
         seconds={"total": 31.2, "compile": 9.0, "fit": 11.0, "name": 6.2},
+        within=(
+            Within(
+                "dwell",
+                "after rests longer than 0.3 s",
+                "after rests longer than 0.3 s",
+                "presliding",
+                0.97,
+                0.31,
+                24.0,
+                1.1,
+                1e-6,
+            ),
+        ),
     )
 
 

@@ -19,9 +19,11 @@ from frictionjax.recordings import Plant
 from frictionjax.report import write_report
 from frictionjax.report.page import render
 from frictionjax.report.sections.candidates import Candidates
+from frictionjax.report.sections.mismatch import Mismatch
 from frictionjax.report.sections.missing import Missing
 from frictionjax.report.sections.parameters import Parameters
 
+MAP_WITHOUT_LEVELS = (MismatchBin("regime", "sliding", 1.0, 3.0),)
 VOID = {"meta", "img", "br", "line", "circle", "rect", "link"}
 
 
@@ -130,6 +132,24 @@ def test_an_imposed_motion_is_judged_in_force_units():
     page = Page(render(replace(fake_diagnosis(), recordings=(recording,))))
     assert "nN·m" in page.visible  # the size of the prediction error, now a force
     assert "nrad" not in page.visible
+
+
+def test_bins_that_may_be_chance_are_grey(page):
+    """Only those whose p-value, corrected for the whole map, is known to be no less than 5 %."""
+    body = Mismatch().body(fake_diagnosis(n=600))
+    grey = [row for row in body.split("<tr ") if row.startswith('class="chance"')]
+    assert len(grey) == 1
+    assert "after rests below 10 ms" in grey[0]
+    assert "Bins in grey may be chance" in page.visible
+    assert "may be chance" not in Mismatch().body(replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS))
+
+
+def test_what_holds_the_excess_is_said(page):
+    assert (
+        "Only after rests longer than 0.3 s : of what happens in presliding, this part holds 97 %"
+        in page.visible
+    )
+    assert '<ul class="within">' not in Mismatch().body(replace(fake_diagnosis(n=600), within=()))
 
 
 def test_text_of_users_is_escaped():

@@ -60,7 +60,10 @@ def test_verdict_has_the_schema_of_the_contract(tmp_path):
     assert missing["parameters"]["share"]["value"] == 0.42
     assert missing["parameters"]["share"]["unit"] == "1"
     assert set(verdict["unexplained"]) == {"present", "share", "where", "carried_by", "explains"}
-    assert {"axis", "bin", "share", "excess"} <= set(verdict["mismatch"][0])
+    assert {"axis", "bin", "share", "excess", "p_value"} <= set(verdict["mismatch"][0])
+    assert verdict["mismatch"][-1]["p_value"] == 0.005
+    (within,) = verdict["mismatch_within"]
+    assert (within["axis"], within["bin"], within["only"]) == ("dwell", "after rests longer than 0.3 s", True)
     assert {"value", "stderr", "unit"} <= set(verdict["base"]["parameters"]["J"])
     assert "maxwell_slip.share" in verdict["extended"]["parameters"]
     fit = verdict["fit"]["holdout_stick"]

@@ -96,6 +96,7 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
                 "excess": cell.excess,
                 "excess_extended": cell.excess_extended,
                 "count": cell.count,
+                "p_value": cell.p_value,
             }
             for cell in diagnosis.mismatch
         ],
@@ -119,6 +120,20 @@ def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
         "warnings": diagnosis.warnings,
         "seconds": diagnosis.seconds,
         "units": {"position": plant.position_unit, "force": plant.force_unit, "input": plant.input_unit},
+        "mismatch_within": [
+            {
+                "axis": part.axis,
+                "bin": part.bin,
+                "given": part.given,
+                "only": part.only,
+                "share": part.share,
+                "samples": part.samples,
+                "excess": part.excess,
+                "excess_elsewhere": part.excess_elsewhere,
+                "p_value": part.p_value,
+            }
+            for part in diagnosis.within
+        ],
         "frictionjax": version("frictionjax"),
     }
     return _plain(content)

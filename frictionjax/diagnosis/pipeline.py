@@ -9,13 +9,14 @@ import numpy as np
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
+from frictionjax.diagnosis.axes import Motion, axes_of
 from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
 from frictionjax.diagnosis.judge import Scene, explained
-from frictionjax.diagnosis.locate import Motion, axes_of, mismatch_map, strongest, where_words
+from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.select import (
@@ -32,6 +33,7 @@ from frictionjax.diagnosis.verdict import (
     Unexplained,
     Verdict,
 )
+from frictionjax.diagnosis.where import strongest
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.batch import least_samples, make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH
@@ -139,11 +141,12 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
     base_view, extended_view = _views(base, final, scene)
     progress("locating", 0.95)
-    bins = _map(base_view, extended_view, base.judgement.drive, plant, scene)
+    located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
+    bins = located.bins
     base_parameters = parameters_of(base, units)
     extended = base_parameters if final is base else parameters_of(final, units)
     experiments, not_designed = _experiments(steps, progress)
-    missing = _missing(steps, extended, where_words(bins), experiments)
+    missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
@@ -151,7 +154,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         case=case.name,
         plant=plant,
         verdict=verdict,
-        summary=summary_sentence(verdict, missing, unexplained, where_words(bins), fits),
+        summary=summary_sentence(verdict, missing, unexplained, located.where, fits),
         missing=missing,
         unexplained=unexplained,
         mismatch=bins,
@@ -161,6 +164,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         candidates=candidates(steps, units, untestable),
         warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
+        within=located.within,
     )
 
 
@@ -192,9 +196,9 @@ class _Stages:
         return time.perf_counter() - self._start
 
 
-def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene):
+def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, floor: np.ndarray) -> Located:
     motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
-    return mismatch_map(seen, extended, axes_of(motion, base, plant, scene), scene)
+    return locate(seen, extended, axes_of(motion, base, plant, scene), scene, floor)
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:

@@ -56,7 +56,8 @@ class MismatchBin(eqx.Module):
     **Attributes:** `axis` (regime, time, velocity, position, direction, input, frequency, since_reversal, dwell),
     `bin` (its label, with units), `share` (part of the total excess; the shares of one axis add to 1), `excess`
     (standardised residual power over its null level), `excess_extended` (the same after the extended model),
-    `count` (samples in the bin).
+    `count` (samples in the bin), `p_value` (chance that noise alone raises any bin of the whole map so far; NaN when
+    not computed).
     """
 
     axis: str = eqx.field(static=True)
@@ -65,6 +66,32 @@ class MismatchBin(eqx.Module):
     excess: float = eqx.field(static=True)
     excess_extended: float = eqx.field(static=True, default=float("nan"))
     count: int = eqx.field(static=True, default=0)
+    p_value: float = eqx.field(static=True, default=float("nan"))
+
+
+class Within(eqx.Module):
+    """Where the mismatch is inside the strongest bins: they are strong in one part of another axis alone.
+
+    **Attributes:** `axis`, `bin` (a bin of it, or all bins beyond one edge, with units), `phrase` (the same as words
+    after "only"), `given` (the strongest bins, and the parts of other axes told before), `share` (of their excess that
+    lies in this part), `samples` (part of their samples that does), `excess` (power over its null level there),
+    `excess_elsewhere` (in the rest of them), `p_value` (of the two being alike, over all parts that were compared).
+    """
+
+    axis: str = eqx.field(static=True)
+    bin: str = eqx.field(static=True)
+    phrase: str = eqx.field(static=True)
+    given: str = eqx.field(static=True)
+    share: float = eqx.field(static=True)
+    samples: float = eqx.field(static=True)
+    excess: float = eqx.field(static=True)
+    excess_elsewhere: float = eqx.field(static=True)
+    p_value: float = eqx.field(static=True)
+
+    @property
+    def only(self) -> bool:
+        """Whether next to nothing of the excess lies elsewhere: a tenth of it at most, in total and per sample."""
+        return self.share >= 0.9 and self.excess_elsewhere - 1.0 <= 0.1 * (self.excess - 1.0)
 
 
 class Candidate(eqx.Module):
@@ -124,7 +151,8 @@ class Diagnosis(eqx.Module):
 
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
-    name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`).
+    name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
+    `within` (which parts of other axes hold the excess of the strongest bins).
     """
 
     case: str = eqx.field(static=True)
@@ -140,6 +168,7 @@ class Diagnosis(eqx.Module):
     candidates: tuple[Candidate, ...]
     warnings: tuple[str, ...] = eqx.field(static=True)
     seconds: dict[str, float] = eqx.field(static=True)
+    within: tuple[Within, ...] = ()
 
     def explain(self, effect: str) -> str:
         """Why `effect` was named or was not, in a few sentences.

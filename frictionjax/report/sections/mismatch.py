@@ -1,10 +1,11 @@
 """The map of the base model's mismatch: in which regime, at which speed, position, frequency ... it fails."""
 
 import math
+from collections.abc import Iterable
 from typing import ClassVar
 
-from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin
-from frictionjax.report.format import number, percent, words
+from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
+from frictionjax.report.format import number, p_value, percent, words
 from frictionjax.report.html import gauge, legend, pair, text
 from frictionjax.report.sections.base import AbstractSection
 
@@ -17,8 +18,11 @@ _AXES = {
 _MOST = 12  # bins of one axis that are worth a row each
 _INTRO = (
     "Found before anything is named: where the base model fails. <b>Share</b> is a bin's part of the whole "
-    "mismatch; <b>excess</b> is the power of the residual over what noise alone would leave (the tick, at 1)."
+    "mismatch; <b>excess</b> is the power of the residual over what noise alone would leave (the tick, at 1): "
+    "four times the power is twice the error."
 )
+_CHANCE = " Bins in grey may be chance: noise alone raises some bin of the map as far in more than one case of twenty."
+_SIGNIFICANT = 0.05
 
 
 class Mismatch(AbstractSection):
@@ -33,9 +37,35 @@ class Mismatch(AbstractSection):
         if not axes:
             return ""
         after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
-        high = max([10.0, *(cell.excess for cell in diagnosis.mismatch if math.isfinite(cell.excess))])
-        tables = "".join(_axis(name, cells, after, 1.5 * high) for name, cells in axes.items())
-        return f'<p>{_INTRO}</p>{legend(after, marks=True)}<div class="axes">{tables}</div>'
+        # One scale for all axes but frequency: where the observer leaves next to nothing, excess has no like elsewhere.
+        wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
+        tables = "".join(
+            _axis(name, cells, after, _highest(cells) if name == "frequency" else wide)
+            for name, cells in axes.items()
+        )
+        grey = _CHANCE if any(map(_may_be_chance, diagnosis.mismatch)) else ""
+        parts = "".join(map(_part, diagnosis.within))
+        parts = f'<ul class="within">{parts}</ul>' if parts else ""
+        return f'<p>{_INTRO}{grey}</p>{parts}{legend(after, marks=True)}<div class="axes">{tables}</div>'
+
+
+def _part(part: Within) -> str:
+    many = "Only" if part.only else "Mostly"
+    return (
+        f"<li>{many} <b>{text(part.phrase)}</b>: of what happens in {text(part.given)}, this part holds "
+        f"{percent(part.share)} of the excess in {percent(part.samples)} of the time; excess "
+        f"{number(part.excess, 2)} against {number(part.excess_elsewhere, 2)} elsewhere "
+        f"(p = {p_value(part.p_value)}).</li>"
+    )
+
+
+def _highest(cells: Iterable[MismatchBin]) -> float:
+    """The end of a scale of excesses."""
+    return 1.5 * max([10.0, *(cell.excess for cell in cells if math.isfinite(cell.excess))])
+
+
+def _may_be_chance(cell: MismatchBin) -> bool:
+    return cell.p_value >= _SIGNIFICANT
 
 
 def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:
@@ -60,8 +90,9 @@ def _row(cell: MismatchBin, striking: bool, after: bool, high: float) -> str:
     extended = cell.excess_extended if after and math.isfinite(cell.excess_extended) else None
     excess = pair(number(cell.excess, 2), None if extended is None else number(extended, 2))
     width = 100 * min(max(_finite(cell.share), 0.0), 1.0)
+    css = "chance" if _may_be_chance(cell) else "striking" if striking else ""
     return (
-        f'<tr class="{"striking" if striking else ""}"><th scope="row">{text(cell.bin)}</th>'
+        f'<tr class="{css}"><th scope="row">{text(cell.bin)}</th>'
         f'<td class="share"><span class="bar"><i style="width:{width:.1f}%"></i></span> {percent(cell.share)}</td>'
         f'<td class="scale">{gauge(cell.excess, extended, low=0.5, high=high, floor=1.0)}</td><td>{excess}</td></tr>'
     )

@@ -1,0 +1,58 @@
+"""Quantities as a sentence wants them: three digits at most, small lengths and times with a prefix."""
+
+import math
+
+# Below this size a quantity takes a prefix.
+_PREFIXED = {"m": 0.01, "rad": 0.01, "s": 0.0999}
+_PREFIXES = {-3: "m", -6: "µ", -9: "n", -12: "p"}
+
+
+def neat(value: float, unit: str) -> str:
+    """A quantity in words: `neat(2e-5, "m")` is "20 µm".
+
+    **Arguments:**
+
+    - `value`: in `unit`.
+    - `unit`: as text; small values of m, rad and s take a prefix.
+    """
+    factor, label = _scaled(abs(value), unit)
+    return f"{_digits(value * factor)} {label}".strip()
+
+
+def span(low: float, high: float, unit: str) -> str:
+    """A range in words: `span(0.005, 0.02, "s")` is "5 to 20 ms".
+
+    **Arguments:**
+
+    - `low`, `high`: finite, in `unit`.
+    - `unit`: as in `neat`.
+    """
+    # Between two decades the lower one's prefix would make the upper number long, and the other way round.
+    size = math.sqrt(low * high) if low > 0.0 else max(abs(low), abs(high))
+    factor, label = _scaled(size, unit)
+    return f"{_digits(low * factor)} to {_digits(high * factor)} {label}".strip()
+
+
+def one_two_five(value: float) -> float:
+    """The number out of 1, 2, 5 times a power of ten that is nearest to the positive `value`, by ratio."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return min((step * power for step in (1.0, 2.0, 5.0, 10.0)), key=lambda near: abs(math.log(near / value)))
+
+
+def times(factor: float) -> str:
+    """A factor in words: "over 1000 times", "12 times", "3.4 times"."""
+    if factor >= 1000.0:
+        return "over 1000 times"
+    return f"{factor:.0f} times" if factor >= 9.95 else f"{factor:.1f} times"
+
+
+def _scaled(size: float, unit: str) -> tuple[float, str]:
+    if not 0.0 < size < _PREFIXED.get(unit, 0.0):
+        return 1.0, unit
+    exponent = max(3 * math.floor(math.log10(size) / 3.0 + 1e-9), min(_PREFIXES))
+    return 10.0**-exponent, _PREFIXES[exponent] + unit
+
+
+def _digits(value: float) -> str:
+    value = 0.0 if abs(value) < 1e-9 else value  # what rounding left of zero
+    return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"

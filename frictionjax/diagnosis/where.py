@@ -1,0 +1,105 @@
+"""Where the mismatch is, in plain words, from the bins of the map that stand out and are no chance."""
+
+import math
+
+from frictionjax.diagnosis.quantities import times
+from frictionjax.diagnosis.verdict import MismatchBin, Within
+
+_SIGNIFICANT = 0.05
+_LEAST_EXCESS = 1.2  # power over the floor: below it nothing is worth telling, however sure
+_SHARP = 0.6  # share of one bin of another axis from which it is told
+# How long a rest was is told as a condition on these, or on the regime.
+_SHARP_AXES = ("since_reversal", "position", "input", "time")
+_EVERYWHERE = 3.0  # ratio of the excesses of the regimes up to which none of them stands out
+
+
+def stands_out(one: MismatchBin) -> bool:
+    """Whether a bin is worth telling: significant after correction for the whole map (as far as known), and of a size
+    that matters."""
+    return one.excess > _LEAST_EXCESS and not one.p_value >= _SIGNIFICANT
+
+
+def strongest(bins: tuple[MismatchBin, ...], axis: str) -> MismatchBin | None:
+    """The bin of `axis` that stands out most: the one with the largest share times log excess."""
+    return max((b for b in bins if b.axis == axis and stands_out(b)), key=_prominence, default=None)
+
+
+def lead_of(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...] = ()) -> tuple[MismatchBin, ...]:
+    """The bins that the sentence is about: one sharp bin, or union of bins, of another axis than regime, else the
+    regimes told; empty when nothing stands out."""
+    sharp = _sharp(bins, unions)
+    return (sharp,) if sharp is not None else _regimes(bins)
+
+
+def where_words(
+    bins: tuple[MismatchBin, ...],
+    unions: tuple[MismatchBin, ...] = (),
+    within: tuple[Within, ...] = (),
+) -> str:
+    """Where the mismatch is, in plain words: the strongest regimes, one sharp bin of another axis, and which part of
+    further axes alone they are strong in. Factors are of power, the square of the error.
+
+    **Arguments:**
+
+    - `bins`: the map.
+    - `unions`: bins of it that may be told as one.
+    - `within`: from `parts_within`, for the bins that `lead_of` gives.
+    """
+    regimes, sharp = _regimes(bins), _sharp(bins, unions)
+    if _everywhere(bins):
+        whole = sum(b.excess * b.count for b in bins if b.axis == "regime")
+        count = sum(b.count for b in bins if b.axis == "regime")
+        parts = [f"every regime ({times(whole / count)} the expected power)"]
+    else:
+        parts = [
+            f"{b.bin} ({_share(b)} of the excess, {times(b.excess)} the expected power)" for b in regimes
+        ]
+    if sharp is not None:
+        parts.append(f"{sharp.bin} ({_share(sharp)} of the excess, {times(sharp.excess)} the expected power)")
+    parts += [
+        f"{'only' if part.only else 'mostly'} {part.phrase} ({100 * part.share:.0f} %)" for part in within
+    ]
+    return ", ".join(parts) if regimes or sharp is not None else "nowhere above the noise"
+
+
+def _regimes(bins: tuple[MismatchBin, ...]) -> tuple[MismatchBin, ...]:
+    """The regimes that stand out about as much as the strongest one, the largest share first."""
+    found = [b for b in bins if b.axis == "regime" and stands_out(b)]
+    peak = max(map(_prominence, found), default=0.0)
+    return tuple(sorted((b for b in found if _prominence(b) > 0.7 * peak), key=lambda b: -b.share))
+
+
+def _everywhere(bins: tuple[MismatchBin, ...]) -> bool:
+    regimes = [b for b in bins if b.axis == "regime"]
+    if len(regimes) < 3 or not all(map(stands_out, regimes)):
+        return False
+    excess = [b.excess for b in regimes]
+    return max(excess) < _EVERYWHERE * min(excess)
+
+
+def _sharp(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...]) -> MismatchBin | None:
+    """The bin, or union of bins, of another axis than regime that tells most: nearly all of the excess in the smallest
+    part of the samples."""
+    found = []
+    for axis in _SHARP_AXES:
+        samples = sum(b.count for b in bins if b.axis == axis)
+        for b in (*bins, *unions):
+            # A share that the bin's length alone would give tells nothing.
+            if b.axis == axis and stands_out(b) and b.share > max(_SHARP, 2.0 * b.count / samples):
+                found.append((divergence(b.share, b.count / samples), b))
+    return max(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def divergence(share: float, samples: float) -> float:
+    """How much it tells that a part with this share of the `samples` holds this `share` of the excess: the divergence
+    of Kullback and Leibler, nats."""
+    told = share * math.log(share / samples) if share > 0.0 else 0.0
+    return told + ((1.0 - share) * math.log((1.0 - share) / (1.0 - samples)) if share < 1.0 else 0.0)
+
+
+def _prominence(b: MismatchBin) -> float:
+    return b.share * math.log(b.excess)
+
+
+def _share(b: MismatchBin) -> str:
+    return f"{100 * b.share:.0f} %"

@@ -1,0 +1,72 @@
+"""Periods along the stroke, and the sizes of a plant that effects are scaled by."""
+
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, RATE
+
+from frictionjax.diagnosis.wavelengths import wavelengths
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.scales import plant_scales
+from frictionjax.recordings import Recording
+
+N = 16000
+T = np.arange(N) / RATE
+
+
+def _swing(frequency, amplitude=0.2):
+    """Position and velocity of a swing."""
+    phase = 2.0 * np.pi * frequency * T
+    return amplitude * np.sin(phase), 2.0 * np.pi * frequency * amplitude * np.cos(phase)
+
+
+@pytest.fixture(scope="module")
+def stroke():
+    """Slow strokes to and fro over 0.4 rad: position, velocity, and the batch they are in."""
+    x, v = _swing(0.25)
+    x2, v2 = _swing(0.5)
+    wiggle = 1e-6 * np.random.default_rng(2).standard_normal((2, N))
+    push = 0.1 + 0 * T
+    recordings = (Recording("one", RATE, push, x + wiggle[0]), Recording("two", RATE, push, x2 + wiggle[1]))
+    return np.stack([x, x2]), np.stack([v, v2]), make_batch(recordings, encoder_step=FINE)
+
+
+@pytest.mark.parametrize("period", [0.0432, 0.0871])
+@pytest.mark.parametrize("odd", [True, False])
+def test_a_planted_period_is_found(stroke, period, odd):
+    """Within 1 %, under noise as large as itself; of friction (odd) and of cogging (even)."""
+    x, v, batch = stroke
+    wave = np.sin(2.0 * np.pi * x / period + 0.7) * (np.sign(v) if odd else 1.0)
+    e = wave + np.random.default_rng(3).standard_normal(x.shape)
+    found = wavelengths(e, v, batch, odd=odd)
+    assert found[0] == pytest.approx(period, rel=0.01)
+    assert len(set(found)) == len(found) == 3
+
+
+def test_friction_is_told_from_cogging(stroke):
+    """A friction that varies is odd in the velocity; seen as even it averages out."""
+    x, v, batch = stroke
+    wave = 3.0 * np.sin(2.0 * np.pi * x / 0.05)
+    e = wave * np.sign(v) + np.random.default_rng(3).standard_normal(x.shape)
+    assert wavelengths(e, v, batch, odd=True)[0] == pytest.approx(0.05, rel=0.01)
+    assert wavelengths(e, v, batch, odd=False)[0] != pytest.approx(0.05, rel=0.05)
+
+
+def test_without_motion_there_is_no_period():
+    still = Recording("still", RATE, 0 * T[:2000], 1e-6 * np.random.default_rng(4).standard_normal(2000))
+    batch = make_batch((still,), encoder_step=FINE)
+    assert wavelengths(np.ones((1, 2000)), np.zeros((1, 2000)), batch, odd=True) == ()
+
+
+def test_the_plant_gives_the_scales(stroke):
+    scales = plant_scales(PLANT, stroke[2])
+    friction = PLANT.friction
+    assert scales["Fc"] == float(friction.Fc)
+    assert scales["zs"] == pytest.approx(float(friction.Fs / friction.sigma0))
+    assert scales["stroke"] == pytest.approx(0.4, rel=1e-3)
+    assert scales["center"] == pytest.approx(0.0, abs=1e-4)
+    assert scales["Fc/stroke"] == pytest.approx(scales["Fc"] / scales["stroke"])
+    assert scales["dt"] == 1.0 / RATE
+    assert scales["1/u^2"] == pytest.approx(100.0)
+    assert scales["step"] == pytest.approx(1e-6, rel=0.1)
+    # The faster swing: 0.2 rad at 0.5 Hz.
+    assert scales["Fc/speed^2"] == pytest.approx(scales["Fc"] / (0.2 * np.pi) ** 2, rel=0.01)
