@@ -112,6 +112,11 @@ LARGE = {
 """Strengths of each form that tell on a plant of the size of Table I; elasto-slip elements have tests of their own."""
 
 
+def some_slow(forms, quick):
+    """`forms` for a parametrized test, all but the `quick` ones marked slow: each compiles code of its own."""
+    return [form if form in quick else pytest.param(form, marks=pytest.mark.slow) for form in forms]
+
+
 def effect(name, **strengths):
     """The form `name`, with zero strengths but those given."""
     return FORMS[name](**(NUISANCES.get(name, {}) | strengths))

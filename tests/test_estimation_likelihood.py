@@ -148,7 +148,15 @@ def test_blocks_without_scored_samples_count_for_nothing(batch):
     assert misfit_of(np.where(empty, 1e12, 1.0), np.ones(2), batch) == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("loss", [Gaussian(), Cauchy(), Huber(1.2)], ids=lambda loss: type(loss).__name__)
+@pytest.mark.parametrize(
+    "loss",
+    [
+        Gaussian(),
+        pytest.param(Cauchy(), marks=pytest.mark.slow),
+        pytest.param(Huber(1.2), marks=pytest.mark.slow),
+    ],
+    ids=lambda loss: type(loss).__name__,
+)
 def test_two_roads_of_least_squares(problem, loss):
     """optimistix on the compressed cost, in forward mode, against scipy on one residual for every sample, with
     numerical derivatives. A block's residuals are its errors times sqrt(rho(b)/b): their squares sum to n rho(b)."""

@@ -291,6 +291,7 @@ def test_starting_values_of_any_motion(motion, stroke):
         assert min(stiffness) < 2.0 and max(stiffness) > 0.5
 
 
+@pytest.mark.slow
 def test_presliding_alone_shows_the_bristle():
     recording = forced("presliding", presliding(), seed=5, noise=5e-4)
     start = starting_values_imposed((recording,))

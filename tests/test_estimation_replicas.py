@@ -28,6 +28,7 @@ def found(sets):
     return fit_many(starts, sets, encoder_step=FINE)
 
 
+@pytest.mark.slow
 def test_the_truth_is_recovered_by_each(found):
     """56 errors over their standard errors: rms 1 within four of its own standard errors (1/sqrt 112)."""
     assert list(found.names) == LABELS
@@ -37,11 +38,13 @@ def test_the_truth_is_recovered_by_each(found):
     assert np.all(np.isfinite(found.cost))
 
 
+@pytest.mark.slow
 def test_noise_is_found_in_each(found):
     np.testing.assert_allclose(found.position, NOISE, rtol=0.15)
     assert np.all(np.abs(np.log(np.median(found.push, axis=0) / PUSH)) < np.log(1.6))
 
 
+@pytest.mark.slow
 def test_it_is_the_same_estimator_as_fit(found, sets):
     alone = fit_near(sets[0])
     values, stderr = (

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_plants import FORMS, SMALL, TABLE_I, effect
+from helpers_plants import FORMS, SMALL, TABLE_I, effect, some_slow
 
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
@@ -319,7 +319,9 @@ def test_nothing_is_felt_inside_the_gap():
 # All of them
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    "form", some_slow(FORMS, ("MaxwellSlip", "DwellStrengthening", "FlexibleTransmission"))
+)
 def test_every_strength_and_state_has_a_derivative_at_zero(form):
     """At rest (v = 0, z = 0, u = 0 exactly) and in motion, by both modes: of a step of the scheme."""
     names = [parameter.name for parameter in FORMS[form].strengths]

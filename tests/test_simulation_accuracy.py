@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_lugre_numpy import by_frozen_velocity, by_radau, numbers, quasi_static
-from helpers_plants import MOVERS, PLANTS, TABLE_I, effect, in_large
+from helpers_plants import MOVERS, PLANTS, TABLE_I, effect, in_large, some_slow
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_reference
@@ -102,7 +102,9 @@ def test_the_two_references_agree():
 BOTH_WAYS = 3.9 * np.sin(2 * np.pi * 25.0 * T)
 
 
-@pytest.mark.parametrize("form", MOVERS)
+@pytest.mark.parametrize(
+    "form", some_slow(MOVERS, ("ConstantLoad", "Creep", "DwellStrengthening", "ElastoPlastic"))
+)
 def test_each_effect_converges_to_the_reference(form):
     drive = in_large(form)
     exact = np.asarray(simulate_reference(drive, BOTH_WAYS, RATE, rtol=1e-11, atol=1e-14).x)

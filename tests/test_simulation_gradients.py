@@ -115,6 +115,7 @@ def _relative(factors, values, u):
     return jax.vmap(drive.seen)(run.x, run.v, run.t)
 
 
+QUICK = ("ConstantLoad", "Creep", "MaxwellSlip", "StribeckShape", "FlexibleTransmission")
 ALONE_AND_ALL = {name: (name,) for name in FORMS} | {
     # A drive takes one inertia of its own; behind a gap it would not be touched. What clips has corners.
     "all": tuple(name for name in FORMS if name not in ("Backlash", "HardSaturation", "DriveDeadzone"))
@@ -124,7 +125,7 @@ ALONE_AND_ALL = {name: (name,) for name in FORMS} | {
 @pytest.mark.parametrize(
     "forms",
     [
-        pytest.param(forms, id=name, marks=pytest.mark.slow if name == "all" else ())
+        pytest.param(forms, id=name, marks=() if name in QUICK else pytest.mark.slow)
         for name, forms in ALONE_AND_ALL.items()
     ],
 )
