@@ -106,8 +106,8 @@ def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
         assert found == Unexplained(True, 1.0, "sliding")
 
 
-def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0):
-    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, 5.0, 5.0)
+def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0, leads=(3.0, 3.0)):
+    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, *leads)
 
 
 def test_evidence_of_two_effects():
@@ -142,6 +142,10 @@ def test_a_candidate_must_be_significant():
     accepted, reason = acceptable(_compared(0.9, 0.9), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
     assert not accepted
     assert reason == "not significant (p = 0.01)"
+    # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
+    for leads, enough in (((4.5, 2.5), True), ((9.0, 1.5), False), ((3.5, 9.0), False)):
+        led = _compared(0.9, 0.9, leads=leads)
+        assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
 
 
 def test_far_from_the_noise_a_share_of_the_power_is_enough():

@@ -32,6 +32,9 @@ ENOUGH_SHARE = 0.8
 """Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: what is left is then
 more likely the form of the effect found than another one."""
 SIGNIFICANCE = 1e-3
+# Short recordings have few clusters, and the score test little power in them. Standard errors by which a refit must
+# lead on the fitted recordings and on those that it never saw, to count as significant all the same.
+_LEADS = 4.0, 2.0
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
 _BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
@@ -98,9 +101,9 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
     - `found`: the candidate against the model without it.
     - `before`: that model.
     - `floor`: power of each block that a perfect model would leave.
-    - `p_value`: of its score test.
+    - `p_value`: of its score test; where that is not significant, a clear lead of the refit is.
     """
-    if p_value > SIGNIFICANCE:
+    if p_value > SIGNIFICANCE and not (found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]):
         return False, f"not significant (p = {p_value:.2g})"
     if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
         return True, ""
