@@ -17,7 +17,7 @@ import numpy as np
 
 import frictionjax as fj
 from benchmarks.bank import fill
-from benchmarks.concealed import CATALOGUE
+from benchmarks.concealed.reality import CATALOGUE
 
 STRENGTHS = ["strong", "medium"]
 """Clearly visible, and a third of it."""
