@@ -56,9 +56,23 @@ _ANYWHERE = (
 )  # fmt: skip
 
 # Family of experiments -> share of a batch. The last two lack a regime.
-_FAMILIES = {"default": 0.4, "mixed": 0.2, "few": 0.1, "odd": 0.1, "rich": 0.05, "sliding": 0.1, "presliding": 0.05}
+_FAMILIES = {
+    "default": 0.4,
+    "mixed": 0.2,
+    "few": 0.1,
+    "odd": 0.1,
+    "rich": 0.05,
+    "sliding": 0.1,
+    "presliding": 0.05,
+}
 # Samples a second -> share of a batch, and the factor on durations that keeps the number of samples in bounds.
-_RATES = {1000.0: (0.2, 1.0), 2000.0: (0.5, 1.0), 4000.0: (0.15, 0.55), 5000.0: (0.1, 0.45), 10000.0: (0.05, 0.35)}
+_RATES = {
+    1000.0: (0.2, 1.0),
+    2000.0: (0.5, 1.0),
+    4000.0: (0.15, 0.55),
+    5000.0: (0.1, 0.45),
+    10000.0: (0.05, 0.35),
+}
 _SHORT = 0.2  # share of the batch with half the durations
 _COLOURED = 0.3  # share of the batch with coloured noise
 
@@ -147,13 +161,9 @@ def compose(cases: int, seed: int) -> list[Plan]:
         rates = _dealt(rng, {rate: share for rate, (share, _) in _RATES.items()}, count)
         short = _dealt(rng, {True: _SHORT, False: 1.0 - _SHORT}, count)
         coloured = _dealt(rng, {True: _COLOURED, False: 1.0 - _COLOURED}, count)
-        for (missing, strength, other), *how in zip(
-            contents, families, rates, short, coloured, strict=True
-        ):
+        for (missing, strength, other), *how in zip(contents, families, rates, short, coloured, strict=True):
             family, rate, is_short, is_coloured = how
             stretch = _RATES[rate][1] * (0.5 if is_short and rate <= 2000.0 else 1.0)
             machine = int(rng.integers(2**53))
-            plans.append(
-                Plan(stratum, missing, strength, family, rate, stretch, is_coloured, machine, other)
-            )
+            plans.append(Plan(stratum, missing, strength, family, rate, stretch, is_coloured, machine, other))
     return [plans[i] for i in rng.permutation(cases)]

@@ -49,13 +49,19 @@ def open_seal(batch: Path) -> dict:
     """
     path = batch / FOLDER / TRUTH
     if not path.is_file():
-        raise BrokenSeal(f"{path} is missing: without the truth nothing can be scored; put it back where it was made.")
+        raise BrokenSeal(
+            f"{path} is missing: without the truth nothing can be scored; put it back where it was made."
+        )
     content = path.read_bytes()
     wanted = json.loads((batch / SEAL).read_text(encoding="utf-8"))["sha256"]
     if hashlib.sha256(content).hexdigest() != wanted:
-        raise BrokenSeal(f"{path} does not have the hash in {SEAL}: it was changed after it was sealed; restore it.")
+        raise BrokenSeal(
+            f"{path} does not have the hash in {SEAL}: it was changed after it was sealed; restore it."
+        )
     truth = json.loads(content)
     for name, case in truth["cases"].items():
         if digest_of_case(batch / "cases" / name) != case["files"]:
-            raise BrokenSeal(f"{name} is not the case that was sealed: its files were changed; make the batch again.")
+            raise BrokenSeal(
+                f"{name} is not the case that was sealed: its files were changed; make the batch again."
+            )
     return truth

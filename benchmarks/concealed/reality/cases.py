@@ -10,7 +10,7 @@ import numpy as np
 
 from .effects import build
 from .experiments import RATE, Experiment, plan
-from .knobs import SLOW_STATES, pack
+from .knobs import pack
 from .plants import Plant, draw_plant
 from .recorder import SETTLE, SUBSTEPS, Hidden, record
 from .streams import stream

@@ -196,7 +196,9 @@ def _through_sample(p, s, old, new, switch, disturbance, h, substeps):
 
 
 @njit(cache=True)
-def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps, kept, every):
+def simulate(
+    knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps, kept, every
+):
     """Simulate one recording; returns input, measured position, what the sensor shows without noise and rounding, and
     the drive's output, and leaves `state` at its end and every `every`-th state in `kept`.
 

@@ -59,7 +59,9 @@ def steps(rng: np.random.Generator, plant: Plant, duration: float, rate: float =
     return _volts(plant, 1.0) * np.interp(_time(duration, rate), knots_t, knots_u)
 
 
-def nested_triangles(rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE) -> np.ndarray:
+def nested_triangles(
+    rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE
+) -> np.ndarray:
     """Triangles whose turning points nest (large, smaller, smallest, and back): closes minor hysteresis loops."""
     a, b, c = rng.uniform(0.74, 0.84), rng.uniform(0.45, 0.6), rng.uniform(0.15, 0.3)
     turns = np.array([0, a, -a, b, -b, c, -c, c, -b, b, -a, a, 0.0])
@@ -67,7 +69,9 @@ def nested_triangles(rng: np.random.Generator, plant: Plant, duration: float, ra
     return _volts(plant, 1.0) * np.interp(_time(duration, rate), knots / knots[-1] * duration, turns)
 
 
-def stick_multisine(rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE) -> np.ndarray:
+def stick_multisine(
+    rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE
+) -> np.ndarray:
     """Sum of sines whose amplitudes fall with frequency, scaled to a peak below break-away, faded in and out."""
     t = _time(duration, rate)
     f = np.exp(rng.uniform(np.log(0.25), np.log(60.0), 24))
@@ -113,7 +117,9 @@ def wander(rng: np.random.Generator, plant: Plant, duration: float, rate: float 
     return rng.uniform(0.75, 0.95) * plant.stroke * wave / np.abs(wave).max()
 
 
-def constant_speeds(rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE) -> np.ndarray:
+def constant_speeds(
+    rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE
+) -> np.ndarray:
     """Strokes to and fro at constant speeds between half and twenty times the Stribeck velocity, smooth turns."""
     t = _time(duration, rate)
     speeds, lasts, here, side = [0.0], [0.4], 0.0, float(rng.choice([-1.0, 1.0]))
@@ -161,4 +167,6 @@ def jog(rng: np.random.Generator, plant: Plant, duration: float, rate: float = R
         target[at:] = here
         at += round(log_uniform(rng, 0.15, 1.2) * rate)
     kernel = np.hanning(round(0.06 * rate) + 2)[1:-1]
-    return np.convolve(np.concatenate([np.zeros(kernel.size), target]), kernel / kernel.sum())[kernel.size :][:n]
+    return np.convolve(np.concatenate([np.zeros(kernel.size), target]), kernel / kernel.sum())[kernel.size :][
+        :n
+    ]
