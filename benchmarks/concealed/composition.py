@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from itertools import cycle, islice
+from typing import TypeVar
 
 import numpy as np
 
@@ -77,6 +78,9 @@ _SHORT = 0.2  # share of the batch with half the durations
 _COLOURED = 0.3  # share of the batch with coloured noise
 
 
+Key = TypeVar("Key")
+
+
 @dataclass(frozen=True)
 class Plan:
     """One case: its stratum, what it conceals and how strong, and how it is measured; `easily_taken_for` is the other
@@ -116,7 +120,7 @@ def shows_in(effect: str, family: str) -> bool:
     return True
 
 
-def _dealt(rng: np.random.Generator, shares: dict, count: int) -> list:
+def _dealt(rng: np.random.Generator, shares: dict[Key, float], count: int) -> list[Key]:
     """`count` keys of `shares` in their proportions: a random point, then equal steps along the shares."""
     edges = np.cumsum(list(shares.values()))
     points = (rng.random() + np.arange(count)) / max(count, 1) * edges[-1]
@@ -161,8 +165,8 @@ def compose(cases: int, seed: int) -> list[Plan]:
         rates = _dealt(rng, {rate: share for rate, (share, _) in _RATES.items()}, count)
         short = _dealt(rng, {True: _SHORT, False: 1.0 - _SHORT}, count)
         coloured = _dealt(rng, {True: _COLOURED, False: 1.0 - _COLOURED}, count)
-        for (missing, strength, other), *how in zip(contents, families, rates, short, coloured, strict=True):
-            family, rate, is_short, is_coloured = how
+        dealt = zip(contents, families, rates, short, coloured, strict=True)
+        for (missing, strength, other), family, rate, is_short, is_coloured in dealt:
             stretch = _RATES[rate][1] * (0.5 if is_short and rate <= 2000.0 else 1.0)
             machine = int(rng.integers(2**53))
             plans.append(Plan(stratum, missing, strength, family, rate, stretch, is_coloured, machine, other))

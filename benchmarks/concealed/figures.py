@@ -182,6 +182,25 @@ def reliability(scores: dict) -> Figure | None:
     return figure
 
 
+def cannot_tell(scores: dict) -> Figure | None:
+    """The smallest sizes that show, by effect: median and the middle 90 % of the cases."""
+    found = scores["detectable"]
+    if not found:
+        return None
+    figure, (ax,) = _sheet(8, 0.8 + 0.2 * len(found))
+    for place, value in enumerate(found.values()):
+        ax.plot([value["low"], value["high"]], [place, place], color=GREY, lw=1.2)
+        ax.plot(value["median"], place, "o", color=GOOD, ms=4)
+    ax.set_yticks(range(len(found)), [_words(name) for name in found], fontsize=7)
+    ax.invert_yaxis()
+    ax.set(
+        xscale="log",
+        xlabel="smallest size that shows, in the unit beside the name",
+        title="what it cannot tell",
+    )
+    return figure
+
+
 def figures(answers: Sequence[Answer], scores: dict) -> dict[str, Figure]:
     """Name -> figure, those that have data."""
     found = {
@@ -190,5 +209,6 @@ def figures(answers: Sequence[Answer], scores: dict) -> dict[str, Figure]:
         "power": power(answers),
         "held_out": held_out(answers),
         "reliability": reliability(scores),
+        "cannot_tell": cannot_tell(scores),
     }
     return {name: figure for name, figure in found.items() if figure is not None}

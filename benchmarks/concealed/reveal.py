@@ -22,11 +22,15 @@ from benchmarks.concealed.witness import witness
 
 WITNESS = "witness.json"
 _CAPTIONS = {
-    "hero": "One case, chosen by rule: the right name, nine tenths of the error recovered, the base model nearest to the noise.",
-    "confusion": "What was said for what was concealed, beside the overlap of the effects' columns with all base parameters free.",
+    "hero": "One case, chosen by rule: the right name, nine tenths of the error recovered, base near the noise.",
+    "confusion": "What was said for what was concealed; how alike the effects' columns are, base parameters free.",
     "power": "Noticed and named, against strength; the point at nothing is the rate of false alarms.",
-    "held_out": "Error 0.1 s ahead on held-out recordings. The oracle is the simulator: true structure, parameters and state.",
+    "held_out": (
+        "Error 0.1 s ahead on held-out recordings. The oracle is the simulator itself: true structure and parameters, "
+        "states watched through the same noise."
+    ),
     "reliability": "Reliability of the confidence, and p-values of every effect where nothing is hidden.",
+    "cannot_tell": "Below these sizes an effect does not show, as the verdicts themselves state it.",
 }
 _STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1a1a1a}"
@@ -102,18 +106,17 @@ def page(results: dict, drawn: dict[str, Figure]) -> str:
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>Concealed effects</title>",
         f"<style>{_STYLE}</style><h1>Concealed effects</h1>",
-        f"<p>{results['scores']['cases']} cases, seed {results['seed']}, truth sealed as <code>{results['sealed']}</code>; "
-        f"solved by frictionjax {html.escape(solver['frictionjax'])}, commit <code>{html.escape(solver['commit'][:12])}</code>, "
-        f"{solver['cores']} cores.</p>",
+        f"<p>{results['scores']['cases']} cases, seed {results['seed']}, truth sealed as "
+        f"<code>{results['sealed']}</code>; solved by frictionjax {html.escape(solver['frictionjax'])}, commit "
+        f"<code>{html.escape(solver['commit'][:12])}</code>, {solver['cores']} cores.</p>",
     ]
     for name, figure in drawn.items():
         image = io.BytesIO()
         figure.savefig(image, format="png")
         data = base64.b64encode(image.getvalue()).decode("ascii")
         caption = html.escape(_CAPTIONS[name])
-        parts.append(
-            f"<figure><img alt='{name}' src='data:image/png;base64,{data}'><figcaption>{caption}</figcaption></figure>"
-        )
+        parts.append(f"<figure><img alt='{name}' src='data:image/png;base64,{data}'>")
+        parts.append(f"<figcaption>{caption}</figcaption></figure>")
     for head, table in TABLES.items():
         parts.append(f"<h2>{head}</h2>{_as_html(table(results['scores']))}")
     return "\n".join([*parts, "</html>\n"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -30,7 +31,7 @@ def _of(answers: Iterable[Answer], *strata: str, strengths: Sequence[str] = STRE
 
 
 def naming(answers: Sequence[Answer]) -> dict:
-    """Named right, top-1 and within the stated class, by strength and by effect (single effects and confusable ones)."""
+    """Named right, top-1 and within the stated class, by strength and by effect (single and confusable effects)."""
     some = _of(answers, "one", "confusable")
     by_strength = {
         strength: {
@@ -140,7 +141,7 @@ def null_p_values(answers: Sequence[Answer]) -> dict:
 
 
 def rivals(answers: Sequence[Answer]) -> dict:
-    """The rivals' names, top-1: right on strong and medium effects, names given to nothing hidden and to the outside."""
+    """The rivals' first names: right on strong and medium effects, given to nothing hidden, and to the outside."""
     table = {}
     for rival in RIVALS:
         asked = [a for a in answers if "named" in a.rivals.get(rival, {})]
@@ -183,22 +184,39 @@ def overlap(answers: Sequence[Answer]) -> dict:
     return {"names": names, "cosines": np.round(total / np.maximum(count, 1.0), 3).tolist()}
 
 
+def _without_units(value: float, unit: str, verdict: dict) -> tuple[float, str] | None:
+    """A size in units of the machine (Coulomb friction, break-away deflection), of 1 or of s; None for others."""
+    base = {k: p["value"] for k, p in verdict["base"]["parameters"].items()}
+    if unit in ("1", "s"):
+        return value, unit
+    if unit == verdict["units"]["force"]:
+        return value / base["Fc"], "Fc"
+    if unit == verdict["units"]["position"]:
+        return value * base["sigma0"] / base["Fs"], "Fs/sigma0"
+    return None
+
+
 def detectable(answers: Sequence[Answer]) -> dict:
-    """Minimum detectable sizes as the verdicts state them, over all cases: effect -> parameter -> median and unit."""
-    found: dict[str, dict[str, list[tuple[float, str]]]] = {}
+    """Minimum detectable sizes as the verdicts state them, over all cases, in units of the machine: median, 5 and 95 %
+    quantile of each "effect: parameter, unit"."""
+    found: dict[str, list[float]] = {}
     for a in answers:
         for c in a.verdict.get("candidates", []):
             for name, value in c["minimum_detectable"].items():
-                if value is not None and np.isfinite(value):
-                    unit = c.get("units", {}).get(name, "")
-                    found.setdefault(c["effect"], {}).setdefault(f"{name} [{unit}]", []).append((value, unit))
+                size = _without_units(value, c["units"].get(name, ""), a.verdict) if value else None
+                if size is not None:
+                    found.setdefault(f"{c['effect']}: {name}, {size[1]}", []).append(size[0])
     return {
-        effect: {
-            name: {"median": float(np.median([v for v, _ in values])), "cases": len(values)}
-            for name, values in own.items()
-        }
-        for effect, own in sorted(found.items())
+        name: dict(zip(("low", "median", "high"), map(float, np.quantile(v, [0.05, 0.5, 0.95])), strict=True))
+        | {"cases": len(v)}
+        for name, v in sorted(found.items())
     }
+
+
+def stated_together(answers: Sequence[Answer]) -> dict[str, int]:
+    """Names that verdicts could not tell apart, and in how many cases."""
+    classes = (tuple(sorted(m["class"])) for a in answers for m in a.verdict["missing"])
+    return dict(Counter(" | ".join(names) for names in classes if len(names) > 1).most_common())
 
 
 def scores(answers: Sequence[Answer]) -> dict:
@@ -220,5 +238,6 @@ def scores(answers: Sequence[Answer]) -> dict:
         "confusion": confusion(answers),
         "overlap": overlap(answers),
         "detectable": detectable(answers),
+        "stated_together": stated_together(answers),
         "seconds": median(seconds) | {"largest": max(seconds, default=None)},
     }

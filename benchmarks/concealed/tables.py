@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from benchmarks.concealed.scores import GOALS, METHODS, STRENGTHS
 
@@ -136,16 +136,22 @@ def rivals(scores: dict) -> str:
 
 
 def detectable(scores: dict) -> str:
-    """What it cannot tell: below these sizes an effect does not show, in these cases."""
+    """Below these sizes an effect does not show, as the verdicts state it."""
     rows = [
-        (effect, parameter, f"{value['median']:.3g}", str(value["cases"]))
-        for effect, own in scores["detectable"].items()
-        for parameter, value in own.items()
+        (name, f"{v['median']:.2g}", f"{v['low']:.2g} to {v['high']:.2g}", str(v["cases"]))
+        for name, v in scores["detectable"].items()
     ]
-    return _table(("effect", "parameter [unit]", "smallest that shows, median", "cases"), rows)
+    return _table(
+        ("effect: parameter, unit", "smallest that shows, median", "90 % of the cases", "cases"), rows
+    )
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def together(scores: dict) -> str:
+    """Names that were given together."""
+    return _table(("one class", "cases"), [(k, str(n)) for k, n in scores["stated_together"].items()])
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
@@ -156,6 +162,7 @@ TABLES: dict[str, Callable[[dict], str]] = {
     "By effect": by_effect,
     "Held-out error by method": methods,
     "Rivals under the same seal": rivals,
-    "What it cannot tell": detectable,
+    "What it cannot tell apart": together,
+    "What it cannot tell: smallest sizes that show": detectable,
 }
 """Heading -> table."""

@@ -8,8 +8,9 @@ _POINTS, _BINS = 600, 120
 
 
 def trace_of(found) -> dict:
-    """Of the `Diagnosis` `found`, the held-out recording that the extended model mends most: time, position and the base
-    model's prediction 0.1 s ahead at some points, and the error of both models over the noise in short stretches."""
+    """Of the `Diagnosis` `found`, the held-out recording that the extended model mends most: time, position and the
+    base model's prediction 0.1 s ahead at some points, and the error of both models over the noise in
+    short stretches."""
     held = [r for r in found.recordings if r.role == "holdout"]
     if not held:
         return {}

@@ -1,8 +1,8 @@
 """What the simulator itself knows of a case: the best possible prediction, and where the effect's energy is.
 
-The case is simulated again from its sealed seed. The oracle predicts 0.1 s ahead with the true structure, the true
-parameters and the true state, without the noise to come: a little better than any refit of the true model could be, so
-that shares of the error recovered are, if anything, told too small.
+The case is simulated again from its sealed seed. The oracle predicts 0.1 s ahead with the true structure and the true
+parameters, in place of a refit of the true model, from states that an observer of 50 Hz has corrected by the
+measurement: as the predictions that it is set beside. What was random it does not know.
 """
 
 from __future__ import annotations

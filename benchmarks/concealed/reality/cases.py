@@ -110,11 +110,11 @@ def write_case(case: SimulatedCase, folder: str | Path, name: str | None = None)
     lines = [f'name = "{name or folder.name}"', "", "[plant]"]
     for key, value in case.plant.items():
         lines.append(f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:.9g}")
-    for record in case.recordings:
-        lines += ["", "[[recording]]", f'file = "{record["name"]}.csv"', f'role = "{record["role"]}"']
-        lines += [f'loop = "{record["loop"]}"', f"start_time = {record['start_time']:.6f}"]
-        table = np.column_stack([record["t"], record["u"], record["x"]])
-        target = folder / f"{record['name']}.csv"
+    for one in case.recordings:
+        lines += ["", "[[recording]]", f'file = "{one["name"]}.csv"', f'role = "{one["role"]}"']
+        lines += [f'loop = "{one["loop"]}"', f"start_time = {one['start_time']:.6f}"]
+        table = np.column_stack([one["t"], one["u"], one["x"]])
+        target = folder / f"{one['name']}.csv"
         np.savetxt(target, table, fmt=("%.6f", "%.9g", "%.12g"), delimiter=",", header="t,u,x", comments="")
     path = folder / "case.toml"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

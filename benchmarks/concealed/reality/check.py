@@ -1,4 +1,6 @@
-"""Sanity of the simulator: `python -m benchmarks.concealed.reality.check [--seeds N] [--only NAME ...]` prints two tables.
+"""Sanity of the simulator: two tables.
+
+    python -m benchmarks.concealed.reality.check [--seeds N] [--only NAME ...]
 
 The first has one row an effect (strong): how far stick recordings travel, how well closed loops follow, what input they
 need, and how much the effect changes the measured position, in encoder steps. The second halves the substep.

@@ -124,7 +124,7 @@ def _kick(p, s, motor, disturbance, h):
 
 
 @njit(cache=True)
-def _measured(p, s):
+def measured(p, s):
     """What the sensor makes of the position, before noise and rounding."""
     y = s.seen
     if p.enc1 != 0.0 or p.enc2 != 0.0:
@@ -162,7 +162,7 @@ def _drive(p, s, u, dt):
 
 
 @njit(cache=True)
-def _clocks(p, s, clock):
+def clocks(p, s, clock):
     """What time alone changes, at the beginning of a sample."""
     s.clock = clock
     s.inertia = p.J * (1.0 + p.pay_share) if p.pay_share != 0.0 and clock > p.pay_t else p.J
@@ -170,7 +170,7 @@ def _clocks(p, s, clock):
 
 
 @njit(cache=True)
-def _through_sample(p, s, old, new, switch, disturbance, h, substeps):
+def through_sample(p, s, old, new, switch, disturbance, h, substeps):
     """The substeps of one sample: the drive's output goes from `old` to `new` at the substep `switch`."""
     lag_e, _ = _decay(h / p.drive_tau if p.drive_tau > 0.0 else 0.0)
     for j in range(substeps):
@@ -196,11 +196,9 @@ def _through_sample(p, s, old, new, switch, disturbance, h, substeps):
 
 
 @njit(cache=True)
-def simulate(
-    knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps, kept, every
-):
+def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps):
     """Simulate one recording; returns input, measured position, what the sensor shows without noise and rounding, and
-    the drive's output, and leaves `state` at its end and every `every`-th state in `kept`.
+    the drive's output, and leaves `state` at its end.
 
     `command` is the input (open loop) or the reference (closed loop), held between samples; `noise` is added to the
     position before it is rounded to `step`; `disturbance` is a force held for one sample; `slow` drives random walks.
@@ -226,13 +224,11 @@ def simulate(
             s.bias += p.walk_std * math.sqrt(dt) * slow[k, 0]
         if p.ou_std > 0.0:
             s.ou = s.ou * ou_e + p.ou_std * math.sqrt(1.0 - ou_e * ou_e) * slow[k, 1]
-        _clocks(p, s, start + k * dt)
+        clocks(p, s, start + k * dt)
         seen[k] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
         # Before the first sample the machine has rested where it is.
         s.seen = (1.0 - part) * seen[max(k - late, 0)] + part * seen[max(k - late - 1, 0)]
-        clean[k] = _measured(p, s)
-        if every > 0 and k % every == 0 and k // every < kept.size:
-            kept[k // every] = state[0]
+        clean[k] = measured(p, s)
         y = step * np.round((clean[k] + noise[k]) / step)
         y_out[k] = y
         if closed:
@@ -253,40 +249,5 @@ def simulate(
         worth[k] = _drive(p, s, u, dt)
         new = worth[k - whole] if k >= whole else 0.0
         old = worth[k - whole - 1] if k >= whole + 1 else 0.0
-        _through_sample(p, s, old, new, switch, disturbance[k], h, substeps)
+        through_sample(p, s, old, new, switch, disturbance[k], h, substeps)
     return u_out, y_out, clean, worth
-
-
-@njit(cache=True)
-def ahead(knobs, kept, every, worth, horizon, last, start, dt, substeps):
-    """What the sensor will show `horizon` samples (and up to `last` - 1 more) after each kept state, if nothing random
-    happens meanwhile; NaN at the samples that no run reaches."""
-    p = knobs[0]
-    n = worth.size
-    shown = np.full(n, np.nan)
-    h = dt / substeps
-    whole = int(p.delay / dt)
-    switch = (p.delay / dt - whole) * substeps
-    late = int(p.out_delay / dt)
-    part = p.out_delay / dt - late
-    ou_e = math.exp(-dt / p.ou_tau)
-    for i in range(kept.size):
-        begin = i * every
-        if begin + horizon + last > n:
-            break
-        state = kept[i : i + 1].copy()
-        s = state[0]
-        seen = np.zeros(horizon + last)
-        for j in range(horizon + last):
-            k = begin + j
-            if j > 0:
-                s.ou *= ou_e
-            _clocks(p, s, start + k * dt)
-            seen[j] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
-            s.seen = (1.0 - part) * seen[max(j - late, 0)] + part * seen[max(j - late - 1, 0)]
-            if j >= horizon:
-                shown[k] = _measured(p, s)
-            new = worth[k - whole] if k >= whole else 0.0
-            old = worth[k - whole - 1] if k >= whole + 1 else 0.0
-            _through_sample(p, s, old, new, switch, 0.0, h, substeps)
-    return shown

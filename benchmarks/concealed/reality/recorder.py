@@ -8,7 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .experiments import RATE, Experiment
-from .kernel import ahead, simulate
+from .foresight import ahead, watch
+from .kernel import simulate
 from .knobs import SLOW_STATES, STATE_DTYPE, rest
 from .plants import Plant, log_uniform
 from .streams import stream
@@ -16,13 +17,14 @@ from .streams import stream
 SUBSTEPS = 32
 """Substeps of a sample at 2 kHz; other rates keep the length of the substep, and at least four of them."""
 SETTLE = 1.0
-_SCORED = 4  # samples that are predicted from each state
+_STARTS = 40  # predictions that begin within one horizon; each goes on until the next one has come as far
+_WATCH = 50.0  # Hz, bandwidth of the observer whose states the predictions start from
 
 
 class Hidden(NamedTuple):
     """What no diagnosis sees, shape `(n,)`: what the sensor would show without noise and rounding (`clean`), and what
-    the machine itself would have predicted a horizon before if nothing random had happened since (`ahead`; NaN where
-    it was not asked)."""
+    its own model, watching the measurement, would have predicted a horizon before (`ahead`; NaN where it was not
+    asked)."""
 
     clean: np.ndarray
     ahead: np.ndarray
@@ -67,7 +69,7 @@ def record(
     rate, n, start = experiment.rate, experiment.command.size, experiment.start_time
     dt, substeps = 1.0 / rate, max(round(substeps * RATE / rate), 4)
     steps_ahead = round(horizon * rate)
-    every = max(steps_ahead // 2, 1) if steps_ahead else 0
+    every = max(steps_ahead // _STARTS, 1) if steps_ahead else 0
     kept = np.zeros(-(-n // every) if every else 0, STATE_DTYPE)
 
     def run(closed: bool, command: np.ndarray, quiet: bool, begin: float) -> tuple[np.ndarray, ...]:
@@ -80,17 +82,18 @@ def record(
         push = scale * plant.process_noise * plant.Fc * rng.standard_normal(count)
         slow = scale * rng.standard_normal((count, 2))
         step = plant.encoder_step
-        keep = 0 if quiet else every
-        return simulate(
-            knobs, state, closed, command, gains, step, noise, push, slow, begin, dt, substeps, kept, keep
-        )
+        return simulate(knobs, state, closed, command, gains, step, noise, push, slow, begin, dt, substeps)
 
     # Constant forces are there before the recording starts: let the machine settle under them.
     run(False, np.zeros(round(SETTLE * rate)), True, start - SETTLE)
+    first = state.copy()
     u, y, clean, worth = run(experiment.loop == "closed", experiment.command, False, start)
     foreseen = np.full(n, np.nan)
     if every:
-        foreseen = ahead(knobs, kept, every, worth, steps_ahead, _SCORED, start, dt, substeps)
+        pole = np.exp(-2 * np.pi * min(_WATCH, 0.1 * rate) * dt)
+        watching = np.array([1.0 - pole**2, (1.0 - pole) ** 2 / dt])
+        watch(knobs, first, y, worth, watching, start, dt, substeps, kept, every)
+        foreseen = ahead(knobs, kept, every, worth, steps_ahead, every, start, dt, substeps)
     recording = {
         "name": experiment.name,
         "role": experiment.role,

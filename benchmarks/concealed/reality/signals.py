@@ -158,7 +158,7 @@ def pulses(rng: np.random.Generator, plant: Plant, duration: float, rate: float 
 
 
 def jog(rng: np.random.Generator, plant: Plant, duration: float, rate: float = RATE) -> np.ndarray:
-    """An operator at the jog key: small steps of the reference, smoothed over 60 ms, some of them taken back at once."""
+    """An operator at the jog key: small steps of the reference to and fro, smoothed over 60 ms."""
     n = round(duration * rate)
     target, at, here = np.zeros(n), round(0.4 * rate), 0.0
     while at < n:

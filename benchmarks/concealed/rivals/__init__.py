@@ -1,4 +1,4 @@
-"""Other ways to answer the same question, under the same seal. Each sees the cases and the base model, never a truth."""
+"""Other ways to answer the same question, under the same seal: from the cases and the base model, without a truth."""
 
 from __future__ import annotations
 
