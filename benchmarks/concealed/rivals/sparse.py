@@ -14,7 +14,7 @@ _THRESHOLD = 0.1  # of the largest contribution
 _ROUNDS = 10
 _RIDGE = 1e-3
 LEAST_R2 = 0.05
-"""Share of the residual force below which nothing is named, as in rival (a)."""
+"""Share of the residual force that the chosen terms must explain, as in rival (a)."""
 
 
 def thresholded(terms: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -92,7 +92,8 @@ def _library(ground: Ground, force: np.ndarray) -> list[tuple[str, np.ndarray]]:
 
 
 def by_sparse_regression(ground: Ground) -> dict:
-    """The effect of the terms that carry most of the residual force, or none; and what the chosen terms carry."""
+    """The effect whose terms are largest, or none; what all chosen terms explain, and what each effect's carry (terms
+    that are alike may cancel: these do not add up)."""
     inside = np.asarray(ground.present.joint.batch.valid) > 0
     force = ground.base_view.force[~ground.held_out]
     library = _library(ground, force)
@@ -101,12 +102,15 @@ def by_sparse_regression(ground: Ground) -> dict:
     y = np.nan_to_num(force.ravel()[chosen])
     columns = np.stack([np.nan_to_num(values.ravel()[chosen]) for _, values in library], axis=1)
     scale = np.sqrt(np.mean(columns**2, axis=0))
-    coefficients = thresholded(columns / np.where(scale > 0.0, scale, 1.0), y) * (scale > 0.0)
+    terms = columns / np.where(scale > 0.0, scale, 1.0)
+    coefficients = thresholded(terms, y) * (scale > 0.0)
     power = max(float(np.mean(y**2)), 1e-300)
+    explained = 1.0 - float(np.mean((y - terms @ coefficients) ** 2)) / power
     carried: dict[str, float] = {}
     for (effect, _), coefficient in zip(library, coefficients, strict=True):
         if effect and coefficient != 0.0:
             carried[effect] = carried.get(effect, 0.0) + float(coefficient**2) / power
     first = max(carried, key=lambda name: carried[name], default="")
-    named = first if first and carried[first] > LEAST_R2 else None
-    return {"named": named, "carried": {name: round(value, 5) for name, value in carried.items()}}
+    named = first if first and explained > LEAST_R2 else None
+    rounded = {name: round(value, 5) for name, value in carried.items()}
+    return {"named": named, "explained": round(explained, 5), "carried": rounded}
