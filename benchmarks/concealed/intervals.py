@@ -16,7 +16,8 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
     share, z2 = hits / of, _Z**2
     centre = (share + z2 / (2 * of)) / (1 + z2 / of)
     half = _Z / (1 + z2 / of) * float(np.sqrt(share * (1 - share) / of + z2 / (4 * of**2)))
-    return max(centre - half, 0.0), min(centre + half, 1.0)
+    # Rounding must not push an end past the share itself.
+    return max(min(centre - half, share), 0.0), min(max(centre + half, share), 1.0)
 
 
 def share(hits: Sequence[bool]) -> dict:
