@@ -66,14 +66,20 @@ _FAMILIES = {
     "sliding": 0.1,
     "presliding": 0.05,
 }
-# Samples a second -> share of a batch, and the factor on durations that keeps the number of samples in bounds.
-_RATES = {
-    1000.0: (0.2, 1.0),
-    2000.0: (0.5, 1.0),
-    4000.0: (0.15, 0.55),
-    5000.0: (0.1, 0.45),
-    10000.0: (0.05, 0.35),
+# What all recordings of a family last together at most, s.
+_SECONDS = {
+    "default": 102,
+    "mixed": 120,
+    "few": 50,
+    "odd": 66,
+    "rich": 142,
+    "sliding": 54,
+    "presliding": 78,
 }
+# Samples a second -> share of a batch.
+_RATES = {1000.0: 0.2, 2000.0: 0.5, 4000.0: 0.15, 5000.0: 0.1, 10000.0: 0.05}
+# Samples of a case at most, unless its durations would shrink to less than this factor.
+_SAMPLES, _LEAST_STRETCH = 2e5, 0.3
 _SHORT = 0.2  # share of the batch with half the durations
 _COLOURED = 0.3  # share of the batch with coloured noise
 
@@ -162,12 +168,13 @@ def compose(cases: int, seed: int) -> list[Plan]:
     for stratum, count in counts(cases).items():
         contents = _contents(rng, stratum, count)
         families = _matched(_dealt(rng, _FAMILIES, count), contents)
-        rates = _dealt(rng, {rate: share for rate, (share, _) in _RATES.items()}, count)
+        rates = _dealt(rng, _RATES, count)
         short = _dealt(rng, {True: _SHORT, False: 1.0 - _SHORT}, count)
         coloured = _dealt(rng, {True: _COLOURED, False: 1.0 - _COLOURED}, count)
         dealt = zip(contents, families, rates, short, coloured, strict=True)
         for (missing, strength, other), family, rate, is_short, is_coloured in dealt:
-            stretch = _RATES[rate][1] * (0.5 if is_short and rate <= 2000.0 else 1.0)
+            stretch = round(min(1.0, max(_SAMPLES / (rate * _SECONDS[family]), _LEAST_STRETCH)), 2)
+            stretch *= 0.5 if is_short and stretch > 0.6 else 1.0
             machine = int(rng.integers(2**53))
             plans.append(Plan(stratum, missing, strength, family, rate, stretch, is_coloured, machine, other))
     return [plans[i] for i in rng.permutation(cases)]
