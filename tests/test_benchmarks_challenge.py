@@ -162,7 +162,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["SIGNIFICANCE"] == 1e-3
+    assert began["thresholds"]["select.SIGNIFICANCE"] == [1e-3]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
@@ -170,7 +170,7 @@ def test_one_batch_has_one_solver(tmp_path, monkeypatch):
     batch = plain_batch(tmp_path / "batch", cases=1)
     solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)
     own = solver.who_solves()
-    other = own | {"thresholds": own["thresholds"] | {"LEAST_SHARE": 0.1}}
+    other = own | {"thresholds": own["thresholds"] | {"select.LEAST_SHARE": [0.1]}}
     monkeypatch.setattr(solver, "who_solves", lambda: other)
     with pytest.raises(ValueError, match="thresholds differ"):
         solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)

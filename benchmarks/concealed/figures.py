@@ -40,7 +40,10 @@ def hero(answer: Answer | None) -> Figure | None:
     if answer is None:
         return None
     figure, (eye, places, after) = _sheet(13, 3.8, 3)
-    trace = answer.verdict["trace"]
+    trace = {
+        key: value if key == "recording" else np.asarray(value, float)  # None becomes NaN
+        for key, value in answer.verdict["trace"].items()
+    }
     eye.plot(trace["t"], trace["x"], color=INK, lw=1.6, label="measured")
     eye.plot(
         trace["t"], trace["predicted_base"], color=BASE, lw=0.9, ls="--", label="base model, 0.1 s ahead"

@@ -15,7 +15,7 @@ from benchmarks.concealed.answers import Answer
 from benchmarks.concealed.figures import figures
 from benchmarks.concealed.scores import scores
 from benchmarks.concealed.seal import SEAL, open_seal
-from benchmarks.concealed.solve import RIVALS, SOLVED, VERDICT
+from benchmarks.concealed.solve import RIVALS, SOLVED, VERDICT, strict
 from benchmarks.concealed.solver import FILE
 from benchmarks.concealed.tables import TABLES
 from benchmarks.concealed.witness import witness
@@ -58,7 +58,7 @@ def answers_of(batch: Path, *, look: bool = True) -> list[Answer]:
             path = batch / "sealed" / name / WITNESS
             if not path.exists():
                 path.parent.mkdir(exist_ok=True)
-                path.write_text(json.dumps(witness(own, verdict)) + "\n", encoding="utf-8")
+                path.write_text(json.dumps(strict(witness(own, verdict))) + "\n", encoding="utf-8")
             said = _read(path)
             sys.stderr.write(f"\rwitnessed {number} of {len(truth['cases'])}")
         found.append(Answer(name, own, verdict, rivals, said))
@@ -90,7 +90,9 @@ def reveal(batch: Path, out: Path, *, look: bool = True) -> dict:
     drawn = figures(answers, results["scores"])
     for name, figure in drawn.items():
         figure.savefig(out / f"{name}.png")
-    (out / "results.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    (out / "results.json").write_text(
+        json.dumps(strict(results), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
     (out / "report.html").write_text(page(results, drawn), encoding="utf-8")
     return results
 

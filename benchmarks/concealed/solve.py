@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 import warnings
@@ -39,11 +40,20 @@ def rivalled(case_file: Path, verdict: dict, bic_seconds: float) -> dict:
     return run_rivals(fj.load_case(case_file), verdict, bic_seconds)
 
 
+def strict(value):
+    """`value` for strict JSON: what is not finite becomes None, all the way down."""
+    if isinstance(value, dict):
+        return {key: strict(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [strict(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _keep(path: Path, content: dict) -> None:
     """Write JSON whole or not at all, so that an interrupted run leaves nothing that looks done."""
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(".new")
-    fresh.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    fresh.write_text(json.dumps(strict(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     fresh.replace(path)
 
 

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 import os
+import pkgutil
 import platform
 import subprocess
+from importlib import import_module
 from importlib.metadata import version
+from math import isfinite
 from pathlib import Path
 
-from frictionjax.diagnosis import select
+import frictionjax.diagnosis
 
 FILE = "solver.json"
 
 
-def thresholds() -> dict[str, float]:
-    """Every number by which the selection decides, by its name in `frictionjax.diagnosis.select`."""
-    return {
-        name: value
-        for name, value in sorted(vars(select).items())
-        if isinstance(value, int | float) and not isinstance(value, bool) and name.strip("_").isupper()
-    }
+def thresholds() -> dict[str, list[float | str]]:
+    """Every number by which the diagnosis decides: the constants of the modules of `frictionjax.diagnosis`."""
+    found: dict[str, list[float | str]] = {}
+    for module in pkgutil.iter_modules(frictionjax.diagnosis.__path__):
+        for name, value in vars(import_module(f"frictionjax.diagnosis.{module.name}")).items():
+            numbers = value if isinstance(value, tuple) else (value,)
+            if name.strip("_").isupper() and numbers and all(type(one) in (int, float) for one in numbers):
+                found[f"{module.name}.{name}"] = [one if isfinite(one) else str(one) for one in numbers]
+    return dict(sorted(found.items()))
 
 
 def _git(*arguments: str) -> str:

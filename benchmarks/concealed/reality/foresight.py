@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from .kernel import clocks, measured, through_sample
-from .laws import core_level, level_of, place_level, sliding_deflection
+from .laws import core_level, level_of, place_level, sliding_deflection, yielding
 
 
 @njit(cache=True)
@@ -17,7 +17,7 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
     knowing what was random; every `every`-th corrected state goes into `kept`.
 
     The correction is the one of a fixed-gain observer (`gains` of position and velocity): the machine is moved as a
-    whole, and each bristle with it as far as it sticks.
+    whole, and each bristle with it as far as it does not slip.
     """
     p = knobs[0]
     s = state[0]
@@ -42,7 +42,8 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
         place_level(p, s, s.x)
         s.core = core_level(p, s, s.v)
         g = level_of(p, s, s.v, s.core)
-        s.z += moved * max(0.0, 1.0 - abs(s.z) / sliding_deflection(p, g))
+        z_ss = sliding_deflection(p, g)
+        s.z += moved * max(0.0, 1.0 - yielding(p, s.z, s.v, z_ss) * abs(s.z) / z_ss)
         for i in range(int(p.mw_n)):
             s.mw[i] += p.mw_k[i] * moved * max(0.0, 1.0 - abs(s.mw[i]) / (p.mw_a[i] * g))
         if k % every == 0:

@@ -25,12 +25,21 @@ RIVALS: dict[str, Callable[[Ground], dict]] = {
 def run_rivals(case: fj.Case, verdict: dict, bic_seconds: float = 0.0) -> dict:
     """What every rival says of a `case`, beside the base model of the `verdict`; refits by BIC only where
     `bic_seconds` gives them time."""
-    ground = ground_of(case, {k: p["value"] for k, p in verdict["base"]["parameters"].items()})
-    said: dict = {}
-    for name, rival in RIVALS.items():
-        start = time.perf_counter()
-        said[name] = rival(ground) | {"seconds": round(time.perf_counter() - start, 2)}
+    base = {k: p["value"] for k, p in verdict["base"]["parameters"].items()}
+    if None in base.values():
+        return {"failed": "the base model has a parameter that is not a number"}
+    ground, said = ground_of(case, base), {}
+    asked = dict(RIVALS)
     if bic_seconds > 0.0:
+        asked["bic"] = lambda ground: by_bic(ground, bic_seconds)
+    for name, rival in asked.items():
         start = time.perf_counter()
-        said["bic"] = by_bic(ground, bic_seconds) | {"seconds": round(time.perf_counter() - start, 2)}
+        try:
+            told = rival(ground)
+        except (
+            ValueError,
+            FloatingPointError,
+        ) as error:  # a singular matrix, a trajectory that is not finite
+            told = {"failed": str(error)}
+        said[name] = told | {"seconds": round(time.perf_counter() - start, 2)}
     return said

@@ -7,6 +7,7 @@ every sixth second in turn.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -65,6 +66,7 @@ def _curvature(count: int) -> np.ndarray:
     return second.T @ second
 
 
+@cache
 def _penalty() -> np.ndarray:
     """Squares of the second differences along every axis, shape `(k, k)`, and a little of the squares themselves."""
     k = _BOTH + 2 * _PLACES
