@@ -11,6 +11,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from benchmarks.concealed.seal import BrokenSeal
+
 
 def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     """The command line."""
@@ -40,8 +42,15 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
 
 
 def main() -> None:
-    """Run one of the three; each imports only what it needs, and `make` nothing of the library."""
-    options = parsed()
+    """Run one of the three; what is wrong with a folder is told in a sentence."""
+    try:
+        _run(parsed())
+    except (BrokenSeal, FileExistsError, FileNotFoundError) as error:
+        sys.exit(str(error))
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Each imports only what it needs, and `make` nothing of the library."""
     if options.verb == "make":
         from benchmarks.concealed.make import make
 
