@@ -184,6 +184,9 @@ def overlap(answers: Sequence[Answer]) -> dict:
     return {"names": names, "cosines": np.round(total / np.maximum(count, 1.0), 3).tolist()}
 
 
+_NOTHING = 1e-12  # below this an effect left no trace at all in the recordings, and its size says nothing
+
+
 def _without_units(value: float, unit: str, verdict: dict) -> tuple[float, str] | None:
     """A size in units of the machine (Coulomb friction, break-away deflection), of 1 or of s; None for others."""
     base = {k: p["value"] for k, p in verdict["base"]["parameters"].items()}
@@ -204,7 +207,7 @@ def detectable(answers: Sequence[Answer]) -> dict:
         for c in a.verdict.get("candidates", []):
             for name, value in c["minimum_detectable"].items():
                 size = _without_units(value, c["units"].get(name, ""), a.verdict) if value else None
-                if size is not None:
+                if size is not None and size[0] > _NOTHING:
                     found.setdefault(f"{c['effect']}: {name}, {size[1]}", []).append(size[0])
     return {
         name: dict(zip(("low", "median", "high"), map(float, np.quantile(v, [0.05, 0.5, 0.95])), strict=True))
