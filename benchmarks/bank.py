@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import frictionjax as fj
-from benchmarks.concealed import CATALOGUE, OUTSIDE, make_case
+from benchmarks.concealed.reality import CATALOGUE, OUTSIDE, make_case
 from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.confidence import evidence_of

@@ -2,8 +2,8 @@
 
     python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--tables]
 
-Machines, experiments, effects and noise are drawn by `benchmarks.concealed`. A run that stops goes on where it was,
-from the lines in `--out`; `--tables` prints what is there and diagnoses nothing. Hours at full size.
+Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`. A run that stops goes on where it
+was, from the lines in `--out`; `--tables` prints what is there and diagnoses nothing. Hours at full size.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import numpy as np
 
 import frictionjax as fj
 from benchmarks.bank import fill
-from benchmarks.concealed import CATALOGUE
+from benchmarks.concealed.reality import CATALOGUE
 
 STRENGTHS = ["strong", "medium"]
 """Clearly visible, and a third of it."""

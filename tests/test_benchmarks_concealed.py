@@ -11,7 +11,7 @@ import pytest
 from frictionjax.recordings import load_case
 
 ROOT = Path(__file__).parents[1]
-CONCEALED = ROOT / "benchmarks" / "concealed"
+CONCEALED = ROOT / "benchmarks" / "concealed" / "reality"
 
 
 def imported(path):
@@ -34,7 +34,7 @@ def test_simulator_and_library_know_nothing_of_each_other():
 
 def test_a_seed_is_a_machine_whatever_is_missing(tmp_path):
     pytest.importorskip("numba")
-    from benchmarks.concealed import make_case, write_case
+    from benchmarks.concealed.reality import make_case, write_case
 
     plain, again, other = (
         make_case(3, missing=missing, families="few", substeps=4)

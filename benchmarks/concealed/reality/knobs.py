@@ -65,7 +65,7 @@ _VECTORS: dict[str, int] = {
 
 _STATES = (
     "x", "v", "z", "x2", "v2", "xc1", "xc2", "xcl", "lag", "age", "heat", "amp", "ou", "bias", "sag", "pulse",
-    "ys", "play", "seen",
+    "ys", "play", "seen", "cell",
     # scratch of one substep, kept here so that each is computed once
     "core", "mult", "slow", "visc", "fs_mult", "load", "force", "inertia", "clock",
 )  # fmt: skip

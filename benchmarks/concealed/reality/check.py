@@ -1,4 +1,6 @@
-"""Sanity of the simulator: `python -m benchmarks.concealed.check [--seeds N] [--only NAME ...]` prints two tables.
+"""Sanity of the simulator: two tables.
+
+    python -m benchmarks.concealed.reality.check [--seeds N] [--only NAME ...]
 
 The first has one row an effect (strong): how far stick recordings travel, how well closed loops follow, what input they
 need, and how much the effect changes the measured position, in encoder steps. The second halves the substep.
@@ -12,8 +14,9 @@ import time
 
 import numpy as np
 
-from .cases import SUBSTEPS, SimulatedCase, experiments_of, make_case, record
+from .cases import SimulatedCase, experiments_of, make_case
 from .effects import EFFECTS
+from .recorder import SUBSTEPS, record
 
 _FINE = 1e-7
 
@@ -67,7 +70,7 @@ def convergence(seed: int, missing: tuple[str, ...], substeps: int = SUBSTEPS) -
     for experiment in experiments_of(seed, case.machine):
         _, _, coarse = record(experiment, machine, case.knobs, carried, seed, substeps)
         _, carried, fine = record(experiment, machine, case.knobs, carried, seed, 2 * substeps)
-        changes[experiment.name] = float(np.sqrt(np.mean((coarse - fine) ** 2))) / noise
+        changes[experiment.name] = float(np.sqrt(np.mean((coarse.clean - fine.clean) ** 2))) / noise
     return changes
 
 

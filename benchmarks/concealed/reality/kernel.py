@@ -124,7 +124,7 @@ def _kick(p, s, motor, disturbance, h):
 
 
 @njit(cache=True)
-def _measured(p, s):
+def measured(p, s):
     """What the sensor makes of the position, before noise and rounding."""
     y = s.seen
     if p.enc1 != 0.0 or p.enc2 != 0.0:
@@ -162,8 +162,43 @@ def _drive(p, s, u, dt):
 
 
 @njit(cache=True)
+def clocks(p, s, clock):
+    """What time alone changes, at the beginning of a sample."""
+    s.clock = clock
+    s.inertia = p.J * (1.0 + p.pay_share) if p.pay_share != 0.0 and clock > p.pay_t else p.J
+    slow_level(p, s)
+
+
+@njit(cache=True)
+def through_sample(p, s, old, new, switch, disturbance, h, substeps):
+    """The substeps of one sample: the drive's output goes from `old` to `new` at the substep `switch`."""
+    lag_e, _ = _decay(h / p.drive_tau if p.drive_tau > 0.0 else 0.0)
+    for j in range(substeps):
+        mix = min(max(j + 1.0 - switch, 0.0), 1.0)
+        current = old + (new - old) * mix
+        if p.drive_tau > 0.0:
+            was = s.amp
+            s.amp = current + (was - current) * lag_e
+            current = 0.5 * (was + s.amp)
+        motor = p.km * current
+        s.load = p.load_mu * abs(motor)
+        _drift(p, s, 0.5 * h)
+        if p.tr1 != 0.0:
+            turn = 2.0 * math.pi * s.x / p.tr_p
+            motor *= 1.0 + p.tr1 * math.sin(turn + p.tr_f1) + p.tr2 * math.sin(2.0 * turn + p.tr_f2)
+        if p.hit_a != 0.0:
+            s.pulse *= 1.0 - h / p.hit_tau
+            if (math.floor(s.x / p.hit_p + 0.5) - s.cell) * p.hit_dir > 0.0:
+                s.pulse = p.hit_a * p.hit_dir
+            s.cell = math.floor(s.x / p.hit_p + 0.5)
+        _kick(p, s, motor, disturbance, h)
+        _drift(p, s, 0.5 * h)
+
+
+@njit(cache=True)
 def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps):
-    """Simulate one recording; returns input, measured position and true position, and leaves `state` at its end.
+    """Simulate one recording; returns input, measured position, what the sensor shows without noise and rounding, and
+    the drive's output, and leaves `state` at its end.
 
     `command` is the input (open loop) or the reference (closed loop), held between samples; `noise` is added to the
     position before it is rounded to `step`; `disturbance` is a force held for one sample; `slow` drives random walks.
@@ -173,31 +208,29 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
     p = knobs[0]
     s = state[0]
     n = command.size
-    u_out, y_out, x_out = np.zeros(n), np.zeros(n), np.zeros(n)
+    u_out, y_out, clean = np.zeros(n), np.zeros(n), np.zeros(n)
     worth, seen = np.zeros(n), np.zeros(n)
     h = dt / substeps
     whole = int(p.delay / dt)
     switch = (p.delay / dt - whole) * substeps
     slope, before, tripped, origin = 0.0, 0.0, False, s.x
-    lag_e, _ = _decay(h / p.drive_tau if p.drive_tau > 0.0 else 0.0)
     ou_e = math.exp(-dt / p.ou_tau)
     late = int(p.out_delay / dt)
     part = p.out_delay / dt - late
     s.core = core_level(p, s, s.v)
-    cell = math.floor(s.x / p.hit_p + 0.5)
+    s.cell = math.floor(s.x / p.hit_p + 0.5)
     for k in range(n):
-        s.clock = start + k * dt
-        s.inertia = p.J * (1.0 + p.pay_share) if p.pay_share != 0.0 and s.clock > p.pay_t else p.J
         if p.walk_std > 0.0:
             s.bias += p.walk_std * math.sqrt(dt) * slow[k, 0]
         if p.ou_std > 0.0:
             s.ou = s.ou * ou_e + p.ou_std * math.sqrt(1.0 - ou_e * ou_e) * slow[k, 1]
-        slow_level(p, s)
+        clocks(p, s, start + k * dt)
         seen[k] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
         # Before the first sample the machine has rested where it is.
         s.seen = (1.0 - part) * seen[max(k - late, 0)] + part * seen[max(k - late - 1, 0)]
-        y = step * np.round((_measured(p, s) + noise[k]) / step)
-        y_out[k], x_out[k] = y, s.x
+        clean[k] = measured(p, s)
+        y = step * np.round((clean[k] + noise[k]) / step)
+        y_out[k] = y
         if closed:
             error = command[k] - y
             if k > 0:
@@ -216,25 +249,5 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
         worth[k] = _drive(p, s, u, dt)
         new = worth[k - whole] if k >= whole else 0.0
         old = worth[k - whole - 1] if k >= whole + 1 else 0.0
-        for j in range(substeps):
-            mix = min(max(j + 1.0 - switch, 0.0), 1.0)
-            current = old + (new - old) * mix
-            if p.drive_tau > 0.0:
-                was = s.amp
-                s.amp = current + (was - current) * lag_e
-                current = 0.5 * (was + s.amp)
-            motor = p.km * current
-            s.load = p.load_mu * abs(motor)
-            _drift(p, s, 0.5 * h)
-            if p.tr1 != 0.0:
-                turn = 2.0 * math.pi * s.x / p.tr_p
-                motor *= 1.0 + p.tr1 * math.sin(turn + p.tr_f1) + p.tr2 * math.sin(2.0 * turn + p.tr_f2)
-            if p.hit_a != 0.0:
-                now = math.floor(s.x / p.hit_p + 0.5)
-                s.pulse *= 1.0 - h / p.hit_tau
-                if (now - cell) * p.hit_dir > 0.0:
-                    s.pulse = p.hit_a * p.hit_dir
-                cell = now
-            _kick(p, s, motor, disturbance[k], h)
-            _drift(p, s, 0.5 * h)
-    return u_out, y_out, x_out
+        through_sample(p, s, old, new, switch, disturbance[k], h, substeps)
+    return u_out, y_out, clean, worth

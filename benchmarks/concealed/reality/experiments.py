@@ -9,8 +9,7 @@ import numpy as np
 
 from . import signals
 from .plants import Plant
-
-RATE = 2000.0
+from .signals import RATE
 
 
 @dataclass(frozen=True)
@@ -23,14 +22,15 @@ class Experiment:
     start_time: float
     command: np.ndarray
     trip: float = np.inf
+    rate: float = RATE
 
 
-Maker = Callable[[np.random.Generator, Plant, float], np.ndarray]
+Maker = Callable[[np.random.Generator, Plant, float, float], np.ndarray]
 
 # Name of a recording -> loop, duration in the default set (s), and what makes its command.
 MAKERS: dict[str, tuple[str, float, Maker]] = {
-    "noise_small": ("open", 16.0, lambda rng, p, t: signals.binary_noise(rng, p, t, 0.06, 0.15)),
-    "noise_large": ("open", 16.0, lambda rng, p, t: signals.binary_noise(rng, p, t, 0.25, 0.42)),
+    "noise_small": ("open", 16.0, lambda rng, p, t, f: signals.binary_noise(rng, p, t, 0.06, 0.15, f)),
+    "noise_large": ("open", 16.0, lambda rng, p, t, f: signals.binary_noise(rng, p, t, 0.25, 0.42, f)),
     "breakaway": ("open", 10.0, signals.ramp),
     "stick_sine": ("open", 12.0, signals.slow_sine),
     "stick_steps": ("open", 14.0, signals.steps),
@@ -38,6 +38,9 @@ MAKERS: dict[str, tuple[str, float, Maker]] = {
     "moves": ("closed", 14.0, signals.moves),
     "sweep": ("closed", 12.0, signals.wander),
     "constant_speed": ("closed", 14.0, signals.constant_speeds),
+    "chirp": ("open", 14.0, signals.chirp),
+    "pulses": ("open", 14.0, signals.pulses),
+    "jog": ("closed", 16.0, signals.jog),
     "holdout_stick": ("open", 8.0, signals.stick_multisine),
     "holdout_moves": ("closed", 14.0, signals.moves),
 }
@@ -64,6 +67,7 @@ FAMILIES: dict[str, tuple[tuple[str, ...], float]] = {
         1.0,
     ),
     "sliding": (("moves", "sweep", "constant_speed", "holdout_moves"), 1.0),
+    "odd": (("chirp", "pulses", "jog", "holdout_stick", "holdout_moves"), 1.0),
     "few": ((), 1.0),
     "mixed": ((), 1.0),
 }
@@ -83,17 +87,23 @@ def _choose(rng: np.random.Generator, family: str) -> tuple[tuple[str, ...], flo
     return picked, float(rng.uniform(0.6, 1.2))
 
 
-def plan(rng: np.random.Generator, plant: Plant, family: str = "default") -> list[Experiment]:
-    """Experiments of a family with random levels and times, in the order they are made."""
-    names, stretch = _choose(rng, family)
+def plan(
+    rng: np.random.Generator, plant: Plant, family: str = "default", rate: float = RATE, stretch: float = 1.0
+) -> list[Experiment]:
+    """Experiments of a family with random levels and times, in the order they are made.
+
+    `rate` is in samples a second; `stretch` is a factor on the family's durations.
+    """
+    names, own_stretch = _choose(rng, family)
+    stretch *= own_stretch
     clock, planned = 0.0, []
     for name in names:
         loop, duration, make = MAKERS[name]
         duration = round(duration * stretch, 1)
         # One child generator each, so that a recording does not depend on those before it.
-        command = make(np.random.default_rng(rng.integers(2**63)), plant, duration)
+        command = make(np.random.default_rng(rng.integers(2**63)), plant, duration, rate)
         trip = 0.15 * plant.stroke if name == "breakaway" else 0.5 * plant.stroke
         role = "holdout" if name.startswith("holdout") else "fit"
-        planned.append(Experiment(name, role, loop, clock, command, trip))
+        planned.append(Experiment(name, role, loop, clock, command, trip, rate))
         clock += float(np.ceil(duration + rng.uniform(12.0, 25.0)))
     return planned

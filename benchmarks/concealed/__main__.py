@@ -1,0 +1,73 @@
+"""`python -m benchmarks.concealed`: make a sealed batch, solve it without the truth, reveal how it went.
+
+    python -m benchmarks.concealed make --cases 120 --seed 71 --out out/batch
+    python -m benchmarks.concealed solve out/batch --rivals
+    python -m benchmarks.concealed reveal out/batch --out out/revealed
+
+`solve` goes on where it stopped. Hours at 120 cases.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.concealed.seal import BrokenSeal
+
+
+def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.concealed",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    make = verbs.add_parser("make", help="draw, simulate, write and seal a batch")
+    make.add_argument("--cases", type=int, default=120)
+    make.add_argument("--seed", type=int, required=True)
+    make.add_argument("--out", type=Path, required=True)
+    solve = verbs.add_parser("solve", help="diagnose every case of a batch")
+    solve.add_argument("batch", type=Path)
+    solve.add_argument("--rivals", action="store_true", help="let the rivals look too")
+    solve.add_argument(
+        "--bic-seconds", type=float, default=0.0, help="time for refits by BIC, s a case (with --rivals)"
+    )
+    reveal = verbs.add_parser("reveal", help="check the seal and score")
+    reveal.add_argument("batch", type=Path)
+    reveal.add_argument("--out", type=Path, required=True)
+    reveal.add_argument(
+        "--no-witness", action="store_true", help="leave out oracle and energy: nothing is simulated again"
+    )
+    return parser.parse_args(arguments)
+
+
+def main() -> None:
+    """Run one of the three; what is wrong with a folder is told in a sentence."""
+    try:
+        _run(parsed())
+    except (BrokenSeal, FileExistsError, FileNotFoundError) as error:
+        sys.exit(str(error))
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Each imports only what it needs, and `make` nothing of the library."""
+    if options.verb == "make":
+        from benchmarks.concealed.make import make
+
+        print(f"sealed: sha256 {make(options.cases, options.seed, options.out)}")
+    elif options.verb == "solve":
+        import frictionjax as fj
+        from benchmarks.concealed.solve import solve
+
+        fj.configure_jax()
+        solve(options.batch, rivals=options.rivals, bic_seconds=options.bic_seconds)
+    else:
+        from benchmarks.concealed.reveal import markdown, reveal
+
+        results = reveal(options.batch, options.out, look=not options.no_witness)
+        print(markdown(results))
+        sys.stderr.write(f"written: {options.out / 'report.html'}, {options.out / 'results.json'}\n")
+
+
+if __name__ == "__main__":
+    main()
