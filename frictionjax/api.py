@@ -53,6 +53,7 @@ from frictionjax.recordings import Plant as Plant
 from frictionjax.recordings import Recording as Recording
 from frictionjax.recordings import audit as audit
 from frictionjax.recordings import case_from_files as case_from_files
+from frictionjax.recordings import keep_last_third_aside as keep_last_third_aside
 from frictionjax.recordings import load_case as load_case
 from frictionjax.report import write_report
 from frictionjax.simulation import Trajectory as Trajectory
@@ -113,6 +114,7 @@ __all__ = [
     "fit_many",
     "fit_sk",
     "identifiability",
+    "keep_last_third_aside",
     "level_sweep",
     "linearize",
     "load_case",

@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
         action="extend",
         default=[],
         metavar="RECORDING",
-        help="recordings kept aside to judge the result",
+        help="recordings kept aside to judge the result (of a single recording without: its last third)",
     )
     bare.add_argument(
         "--motor-constant", type=float, metavar="KM", help="force or torque per input unit, when known"

@@ -144,7 +144,11 @@ BAD = {
     ),
     # bare files
     "bare: no files": (bare([], ["kept.csv"]), ["no recording to fit"]),
-    "bare: no holdout": (bare(["run.csv"], []), ["kept aside", "at least one file as holdout"]),
+    "bare: several files, no holdout": (
+        bare(["run.csv", "kept.csv"], []),
+        ["kept aside", "at least one file as holdout"],
+    ),
+    "bare: one short file": (bare(["run.csv"], []), ["run", "200 samples", "too few to keep a third", "300"]),
     "bare: motor constant zero": (bare(["run.csv"], ["kept.csv"], motor_constant=0.0), ["motor_constant"]),
     "bare: file missing": (bare(["rum.csv"], ["kept.csv"]), ["rum.csv", 'Did you mean "run.csv"?']),
     "bare: holdout is a fit file": (bare(["run.csv"], ["run.csv"]), ["shares samples"]),

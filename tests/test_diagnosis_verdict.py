@@ -31,7 +31,7 @@ FLOOR = np.ones((1, 1))
 def _judged(fit, holdout=None):
     """A judgement with these misfits against any floor."""
     misfits = (fit, fit if holdout is None else holdout)
-    return SimpleNamespace(misfits=lambda floor: misfits)
+    return SimpleNamespace(misfits=lambda floor: misfits, misfit_errors=lambda: (0.0, 0.0))
 
 
 def _steps(before, *after):

@@ -49,7 +49,7 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
         dt = float(scene.batch.dt[row])
         frequency = np.fft.rfftfreq(length, dt)[1:]
         q = np.exp(-2j * np.pi * frequency * dt)
-        seen = np.abs(1.0 - np.exp(-2.0 * np.pi * scene.bandwidth * dt) * q) ** -4.0
+        seen = np.abs(1.0 - np.exp(-2.0 * np.pi * min(scene.bandwidth, 0.1 / dt) * dt) * q) ** -4.0
         sensor = np.abs(1.0 - q) ** 4 * seen
         part = float(np.mean(1.0 / floor[row, :length]))
         mixed = part * sensor / sensor.mean() + (1.0 - part) * seen / seen.mean()

@@ -6,14 +6,34 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Estimate, Progress
-from frictionjax.diagnosis.judge import judge
+from frictionjax.diagnosis.judge import Scene, judge
 from frictionjax.diagnosis.refit import Model
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.start import Start, starting_values
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
+from frictionjax.recordings import Case
+
+
+def start_of(case: Case) -> Start:
+    """Starting values from the recordings of `case` that may be fitted."""
+    plant = case.plant
+    return starting_values(
+        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
+    )
+
+
+def base_of(case: Case, start: Start, executor: Executor, progress: Progress) -> tuple[Model, Scene]:
+    """The base model fitted to `case` from its `start`, and the scene of its recordings: the fitted ones first."""
+    recordings = case.fit_recordings + case.holdout_recordings
+    batch = make_batch(recordings, encoder_step=case.plant.encoder_step)
+    held_out = np.array([r.role == "holdout" for r in recordings])
+    scene = Scene(batch, held_out, SLOW_BANDWIDTH, tuple(r.name for r in recordings))
+    known = case.plant.inertia is not None
+    return fit_base(start.drives, batch, held_out, executor, progress, known_inertia=known), scene
 
 
 def fit_base(
@@ -34,16 +54,19 @@ def fit_base(
     """
     # One template for all starts: the vector carries the start, and nothing is compiled twice.
     joint, _ = make_joint(starts[0], batch, held_out, known_inertia=known_inertia)
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
 
     def go_down(start: Drive) -> Fitted:
         _, vector = make_joint(start, batch, held_out, known_inertia=known_inertia)
         return descend(joint, vector, steps=15, tolerance=0.02)
 
     progress(f"base fit: {len(starts)} starting values", 0.0)
-    reached = sorted(executor.map(go_down, starts), key=lambda end: end.misfit)
+    reached = list(executor.map(go_down, starts))
+    order = sorted(range(len(starts)), key=lambda number: reached[number].misfit)
     progress("base fit: slow observer", 0.6)
-    best = [end for end in reached[:2] if np.isfinite(end.misfit)]
+    # Who begins again later begins where the best end came from.
+    joint, _ = make_joint(starts[order[0]], batch, held_out, known_inertia=known_inertia)
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    best = [reached[number] for number in order[:2] if np.isfinite(reached[number].misfit)]
     ends = list(executor.map(lambda end: descend(slow, end.vector, graduate=False), best))
     if not ends:
         raise ValueError(

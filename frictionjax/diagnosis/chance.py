@@ -75,7 +75,7 @@ def draw_innovations(
     drawn = np.zeros((count, *scored.shape), np.float32)
     for row, length in enumerate(scene.batch.lengths):
         dt = float(scene.batch.dt[row])
-        seen = _seen(scene.bandwidth, dt)
+        seen = _seen(min(scene.bandwidth, 0.1 / dt), dt)
         noise = rng.standard_normal((count, length), np.float32)
         levels = np.array([noise_level(Recording("", 1.0 / dt, lane, lane)) for lane in noise], np.float32)
         zeros = np.array([1.0, -2.0, 1.0], np.float32) / np.float32(seen.sensor_gain)

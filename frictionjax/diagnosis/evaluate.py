@@ -1,5 +1,7 @@
 """What base and extended model say of every recording: free run, 0.1 s ahead, residual force."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -68,23 +70,51 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
 
 def view(judgement: Judgement, scene: Scene) -> View:
     """See all recordings of the `scene` through the model of the `judgement`."""
-    batch = scene.batch
+    dt = np.asarray(scene.batch.dt)
+    shape = np.asarray(scene.batch.x).shape
+    whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}
+    # A time ahead is another number of samples at another rate.
+    for step in np.unique(dt):
+        rows = np.flatnonzero(dt == step)
+        length = shape[1] if rows.size == dt.size else int(np.max(scene.batch.lengths[rows]))
+        for name, part in _seen(judgement, scene, rows, length, float(step)).items():
+            whole[name][rows, :length] = part
+    return View(**whole)
+
+
+def _seen(
+    judgement: Judgement, scene: Scene, rows: np.ndarray, length: int, dt: float
+) -> dict[str, np.ndarray]:
+    """What `view` sees in the recordings `rows` of one sample rate, up to `length` samples."""
+    batch = jax.tree.map(lambda leaf: leaf[rows], scene.batch)
+    cut = tuple(leaf[:, :length] for leaf in (batch.u, batch.x, batch.valid))
+    batch = eqx.tree_at(lambda b: (b.u, b.x, b.valid), batch, cut)
     gains = observer_gains(jnp.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
-    slowest = float(np.max(np.asarray(batch.dt)))
-    horizon = max(round(_AHEAD / slowest), 1)
+    horizon = ahead_samples(dt)
     parts = _view(
         judgement.drive,
         batch,
         gains,
-        jnp.asarray(judgement.deflection),
+        jnp.asarray(judgement.deflection[rows]),
         batch.x[:, 0],
-        jnp.asarray(min(_FORCE_BANDWIDTH, 0.05 / slowest)),
+        jnp.asarray(force_bandwidth(dt)),
         horizon,
         max(horizon // 40, 1),
     )
     free, ahead, force, v, bend, innovation = (np.asarray(part) for part in parts)
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
-    return View(free, ahead, force, v, bend, innovation / unit * np.asarray(batch.valid))
+    e = innovation / unit * np.asarray(batch.valid)
+    return {"free": free, "ahead": ahead, "force": force, "v": v, "bend": bend, "e": e}
+
+
+def ahead_samples(dt: float) -> int:
+    """Samples of `dt` s in the 0.1 s that predictions look ahead, at least one."""
+    return max(round(_AHEAD / dt), 1)
+
+
+def force_bandwidth(dt: float) -> float:
+    """Bandwidth of the residual force at samples of `dt` s, Hz."""
+    return min(_FORCE_BANDWIDTH, 0.05 / dt)
 
 
 def _rmse(model: np.ndarray, measured: np.ndarray) -> float:
@@ -108,10 +138,9 @@ def recording_fits(
     for row, recording in enumerate(recordings):
         n = recording.x.size
         noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
-        slowest = float(np.max(np.asarray(scene.batch.dt)))
-        std = residual_force_std(noise, float(base_drive.J), dt, min(_FORCE_BANDWIDTH, 0.05 / slowest))
+        std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
         # Nothing is predicted before the first horizon has passed.
-        judged = slice(max(round(_AHEAD / slowest), 1), n)
+        judged = slice(ahead_samples(dt), n)
         fits.append(
             RecordingFit(
                 name=recording.name,

@@ -49,6 +49,17 @@ class Judgement(eqx.Module):
         ]
         return parts[0], parts[1]
 
+    def misfit_errors(self) -> tuple[float, float]:
+        """Standard errors of `misfits` for a perfect model: fit and held-out recordings.
+
+        Near the floor a misfit is (power - 1)/4. The power of n innovations has the variance 2/n, and the noise that
+        they are measured in, from fourth differences, that of n/2.626 free ones.
+        """
+        count = np.asarray(self.batch.block_count)
+        samples = (float(count[rows].sum()) for rows in (~self.held_out, self.held_out))
+        fit, held = (0.25 * float(np.sqrt(2.0 * (1.0 + 2.626) / max(n, 1.0))) for n in samples)
+        return fit, held
+
     def clusters(self, floor: np.ndarray) -> Float[np.ndarray, "r c"]:
         """Loss against the `floor` of each cluster of 0.5 s."""
         loss = losses_of(self.power, self.batch, floor)

@@ -10,12 +10,13 @@ import numpy as np
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.axes import Motion, axes_of
-from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
+from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of, start_of
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.coverage import not_testable
+from frictionjax.diagnosis.credible import credibility
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
-from frictionjax.diagnosis.judge import Scene, explained
+from frictionjax.diagnosis.judge import Judgement, Scene, explained
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
@@ -26,6 +27,8 @@ from frictionjax.diagnosis.select import (
     select,
 )
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
+from frictionjax.diagnosis.unscored import unscored, what_to_check
+from frictionjax.diagnosis.usable import check_usable
 from frictionjax.diagnosis.verdict import (
     Diagnosis,
     MismatchBin,
@@ -35,12 +38,12 @@ from frictionjax.diagnosis.verdict import (
 )
 from frictionjax.diagnosis.where import strongest
 from frictionjax.diagnosis.words import summary_sentence
-from frictionjax.estimation.batch import least_samples, make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH
-from frictionjax.estimation.start import starting_values
+from frictionjax.estimation.batch import least_samples
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
+
+_SURE = 3.0  # standard errors
 
 
 def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
@@ -92,8 +95,10 @@ def _check(case: Case) -> None:
         raise InputError(
             "a diagnosis needs recordings to fit and at least one kept aside",
             file=case.name,
-            cure='give one recording role = "holdout": it decides whether a name holds',
+            cure='give one recording role = "holdout": it decides whether a name holds; of one recording alone, '
+            "`keep_last_third_aside(case)` keeps the end aside",
         )
+    check_usable(case)
 
 
 def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
@@ -101,23 +106,21 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    start = starting_values(
-        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
-    )
+    start = start_of(case)
     clock.stage("start")
-    recordings = case.fit_recordings + case.holdout_recordings
-    batch = make_batch(recordings, encoder_step=plant.encoder_step)
-    held_out = np.array([r.role == "holdout" for r in recordings])
-    base = fit_base(
-        start.drives,
-        batch,
-        held_out,
-        executor,
-        lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
-        known_inertia=plant.inertia is not None,
+    base, scene = base_of(
+        case, start, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction)
     )
+    credible = credibility(base)
     clock.stage("base fit")
-    untestable, unseen = not_testable(case, batch)
+    if not credible.credible:
+        progress("looking for what is wrong", 0.3)
+        said = what_to_check(credible, case, lambda other: base_of(other, start_of(other), executor, silent))
+        own = parameters_of(base, units)
+        clock.stage("judging")
+        warnings = (said, *_warnings(case, own, message_of(base), start.notes))
+        return unscored(case, base, scene, view(base.judgement, scene), own, warnings, clock.told(compiling))
+    untestable, unseen = not_testable(case, scene.batch)
     steps = select(
         base,
         executor,
@@ -137,8 +140,6 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
-    dt = float(np.max(np.asarray(batch.dt)))
-    scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
     base_view, extended_view = _views(base, final, scene)
     progress("locating", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
@@ -148,6 +149,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     experiments, not_designed = _experiments(steps, progress)
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
+    recordings = case.fit_recordings + case.holdout_recordings
     fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
@@ -163,7 +165,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         recordings=fits,
         candidates=candidates(steps, units, untestable),
         warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
-        seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
+        seconds=clock.told(compiling),
         within=located.within,
     )
 
@@ -191,9 +193,9 @@ class _Stages:
         self.seconds[name] = round(now - self._last, 2)
         self._last = now
 
-    @property
-    def total(self) -> float:
-        return time.perf_counter() - self._start
+    def told(self, compiling: CompileClock) -> dict[str, float]:
+        total = time.perf_counter() - self._start
+        return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}
 
 
 def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, floor: np.ndarray) -> Located:
@@ -207,16 +209,22 @@ def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:
-        if max(first.misfits(floor)) < ADEQUATE_MISFIT:
+        if _within(first, floor, ADEQUATE_MISFIT):
             return "adequate", (False, 0.0)
         return "unknown", (True, 1.0)
     last = accepted[-1].accepted
     assert last is not None
     share = float(np.clip(1.0 - min(explained(first, last.model.judgement, floor)), 0.0, 1.0))
-    remains = max(last.model.judgement.misfits(floor)) > 2.0 * ADEQUATE_MISFIT
+    remains = not _within(last.model.judgement, floor, 2.0 * ADEQUATE_MISFIT)
     if all(evidence.confidence > LEAST_CONFIDENCE for evidence in evidence_of(steps)):
         return "named", (bool(remains), share)
     return "unknown", (True, share)
+
+
+def _within(judgement: Judgement, floor: np.ndarray, most: float) -> bool:
+    """Whether the misfits are within `most` and what chance adds in recordings of this length."""
+    pairs = zip(judgement.misfits(floor), judgement.misfit_errors(), strict=True)
+    return all(misfit < most + _SURE * error for misfit, error in pairs)
 
 
 def _unexplained(

@@ -7,8 +7,10 @@ import numpy as np
 
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
+from frictionjax.diagnosis.resonance import Pair
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.physics.effects import AbstractLoadEffect
 
 _LEFT = 0.5  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
@@ -114,14 +116,18 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
 
 
 def refit_all(
-    trials: list[Trial], model: Model, scales: dict[str, float], executor: Executor
+    trials: list[Trial],
+    model: Model,
+    scales: dict[str, float],
+    executor: Executor,
+    pair: Pair | None = None,
 ) -> list[Refitted]:
     """Refit `trials`, each an effect beside those of `model`, from their one-step estimates: all with the fast
     observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
     look refuted. Where the best leaves most of the misfit of `model`, all are fitted again from where the base fit
-    began.
+    began, with as much of the effect as its test promised, or as the `pair` shows.
 
     **Arguments:**
 
@@ -129,6 +135,7 @@ def refit_all(
     - `model`: the model without them.
     - `scales`: the plant's sizes.
     - `executor`: runs them side by side.
+    - `pair`: antiresonance and resonance in the data, where they show any.
     """
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
 
@@ -138,9 +145,16 @@ def refit_all(
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
         return joint, descend(joint, vector, graduate=False, steps=12, tolerance=0.03)
 
-    def again(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
+    def again(trial: Trial, begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
-        other = descend(joint, joint.setting.start, steps=12, tolerance=0.03)
+        own = slice(len(model.joint.layout), len(joint.layout))
+        start = joint.setting.start.at[own].set(trial.vector[own])
+        if pair is not None and isinstance(trial.form, AbstractLoadEffect):
+            shown = {"ratio": pair.ratio, "frequency": np.log(pair.frequency)}
+            for place in range(own.start, own.stop):
+                name = joint.layout[place].parameter.name
+                start = start.at[place].set(shown.get(name, start[place]))
+        other = descend(joint, start, steps=12, tolerance=0.03)
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
@@ -154,7 +168,7 @@ def refit_all(
     present = float(fast.misfits([model.fitted.vector])[0])
     begun = list(executor.map(begin, trials))
     if min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR:
-        begun = list(executor.map(again, begun))
+        begun = list(executor.map(again, trials, begun))
     gains = np.array([present - found.misfit for _, found in begun])
     near = [
         pair

@@ -1,5 +1,6 @@
 """Select: forward selection of effects, each accepted only if fit and held-out recordings agree."""
 
+import dataclasses
 from concurrent.futures import Executor
 
 import equinox as eqx
@@ -12,11 +13,12 @@ from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit_all, short_list
+from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
 from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.physics.effects import AbstractLoadEffect, catalogue
+from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, catalogue
 
 ADEQUATE_MISFIT = 0.01
 """Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
@@ -61,10 +63,14 @@ class Step(eqx.Module):
 
 
 def try_catalogue(
-    model: Model, scales: dict[str, float], executor: Executor, without: frozenset[str]
+    model: Model,
+    scales: dict[str, float],
+    executor: Executor,
+    without: frozenset[str],
+    pair: Pair | None = None,
 ) -> list[Trial]:
     """Every form of every effect of the catalogue, except those in the model and those named in `without` (effects or
-    forms), at every point of its grid."""
+    forms), at every point of its grid; second inertias at the antiresonance of the `pair`, too."""
     present = present_model(model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector)
     batch = present.joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
@@ -81,7 +87,14 @@ def try_catalogue(
         forms = [form for form in forms if not issubclass(form, AbstractLoadEffect)]
     # Another form of an effect that is named already is a matter of its form, not another effect.
     forms = [form for form in forms if form.name not in {effect.name for effect in inside}]
-    found = executor.map(lambda form: try_form(present, forms_to_try(form, scales, periods), scales), forms)
+
+    def instances(form: type[AbstractEffect]) -> list[AbstractEffect]:
+        grid = forms_to_try(form, scales, periods)
+        if pair is not None and issubclass(form, AbstractLoadEffect):
+            grid.append(dataclasses.replace(grid[0], frequency=pair.frequency))
+        return grid
+
+    found = executor.map(lambda form: try_form(present, instances(form), scales), forms)
     return [trial for trials in found for trial in trials]
 
 
@@ -135,16 +148,18 @@ def select(
     """
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     answer = answer_to_force(model.joint, model.fitted.vector)
+    joint = model.joint
+    pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
     steps: list[Step] = []
     for number in range(_ROUNDS):
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
-        trials = try_catalogue(model, scales, executor, without)
+        trials = try_catalogue(model, scales, executor, without, pair)
         far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
         open_to = [trial for trial in trials if trial.effect not in barred]
         chosen = short_list(open_to, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
-        refits = refit_all(chosen, model, scales, executor)
+        refits = refit_all(chosen, model, scales, executor, pair)
         model = _better_base(model, refits)
         ones = np.ones((1, 1))
         refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, ones).worth)

@@ -14,16 +14,20 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
+from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
 from frictionjax.estimation.residuals import block_power
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
-from frictionjax.simulation import observer_gains
+from frictionjax.simulation import Gains, observer_gains
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
 """Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
 CLUSTER_BLOCKS = 10
 """Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
+_EXPLODED = 30.0
+"""Times what the observer errs without any model: the most by which one coordinate of the model, a factor e of a
+parameter, may change an innovation, if its derivative is to mean anything."""
 LANES = 6
 """Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
 
@@ -53,9 +57,23 @@ def _own_prior(vector, setting, recordings):
     return off, 0.5 * off[-recordings:] ** 2
 
 
-@eqx.filter_jit
-def _look(layout, vector, setting: Setting, fitted, knee) -> Look:
+def _told_jacobian(layout, vector, setting: Setting, most):
+    """Innovations and their Jacobian without the blocks in which it exploded.
+
+    A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow without
+    end and say nothing of a finite step, and one such block would outvote all others. No parameter can do more to the
+    motion than to make the whole of it another.
+    """
     e, columns = error_jacobian(layout, vector, setting)
+    block, samples = setting.batch.block, columns.shape[-1]
+    highest = jnp.max(jnp.abs(columns).reshape(*columns.shape[:-1], -1, block), axis=(0, -1))
+    sound = jnp.repeat(highest <= most[:, None], block, axis=-1, total_repeat_length=samples)
+    return e, jnp.where(sound[None], columns, 0.0)
+
+
+@eqx.filter_jit
+def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
+    e, columns = _told_jacobian(layout, vector, setting, most)
     batch, count, recordings = setting.batch, len(layout), fitted.shape[0]
     # No parameter sees a recording that is kept aside.
     columns = columns.at[:count].multiply(fitted[None, :, None])
@@ -89,20 +107,27 @@ def _powers(e, batch):
 
 
 @eqx.filter_jit
-def _errors_and_columns(layout, vector, setting: Setting):
-    return error_jacobian(layout, vector, setting)
+def _errors_and_columns(layout, vector, setting: Setting, most):
+    return _told_jacobian(layout, vector, setting, most)
+
+
+def _most(batch: Batch, gains: Gains) -> Float[Array, " r"]:
+    """The most that a derivative may be in each recording."""
+    return jnp.asarray(_EXPLODED * np.max(np.abs(innovations_without_model(batch, gains)), axis=1))
 
 
 class Joint(eqx.Module):
     """One model structure and all recordings.
 
     **Attributes:** `layout` (free parameters), `setting` (everything else), `fitted` (1 for the recordings that
-    parameters see, 0 for those kept aside, shape `(r,)`).
+    parameters see, 0 for those kept aside, shape `(r,)`), `most` (beyond which a derivative of the standardised
+    innovations has exploded, shape `(r,)`).
     """
 
     layout: tuple[Free, ...]
     setting: Setting
     fitted: Float[Array, " r"]
+    most: Float[Array, " r"]
 
     @property
     def batch(self) -> Batch:
@@ -113,17 +138,19 @@ class Joint(eqx.Module):
         """The same, seen by an observer of `bandwidth` Hz."""
         dt = self.batch.dt
         gains = observer_gains(jnp.minimum(bandwidth, 0.1 / dt), dt)
-        return eqx.tree_at(lambda joint: joint.setting.gains, self, gains)
+        return eqx.tree_at(
+            lambda joint: (joint.setting.gains, joint.most), self, (gains, _most(self.batch, gains))
+        )
 
     def look(self, vector: Float[Array, " q"], knee: float = 1.0) -> Look:
         """The cost near `vector`, shape `(q,)`, with the Cauchy knee at the power `knee`."""
-        return _look(self.layout, vector, self.setting, self.fitted, jnp.asarray(knee))
+        return _look(self.layout, vector, self.setting, self.fitted, self.most, jnp.asarray(knee))
 
     def errors_and_columns(
         self, vector: Float[Array, " q"]
     ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
         """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
-        return _errors_and_columns(self.layout, vector, self.setting)
+        return _errors_and_columns(self.layout, vector, self.setting, self.most)
 
     def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Joint", Float[Array, " q"]]:
         """The fitted recordings alone, and what is left of `vector`."""
@@ -133,7 +160,7 @@ class Joint(eqx.Module):
         batch = jax.tree.map(lambda leaf: leaf[rows], setting.batch)
         gains = jax.tree.map(lambda leaf: leaf[rows], setting.gains)
         setting = Setting(setting.drive, batch, gains, batch.valid, setting.start[kept], setting.prior[kept])
-        return Joint(self.layout, setting, self.fitted[rows]), jnp.asarray(vector)[kept]
+        return Joint(self.layout, setting, self.fitted[rows], self.most[rows]), jnp.asarray(vector)[kept]
 
     def errors(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
         """Standardised innovations of each of `vectors`, shape `(k, r, n)`, some at a time."""
@@ -200,7 +227,7 @@ def make_joint(
     prior = weak_prior(layout, recordings)
     setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)
     fitted = jnp.asarray(np.where(held_out, 0.0, 1.0))
-    return Joint(layout, setting, fitted).at_bandwidth(FAST_BANDWIDTH), start
+    return Joint(layout, setting, fitted, 0.0 * fitted).at_bandwidth(FAST_BANDWIDTH), start
 
 
 def extend(
@@ -234,4 +261,4 @@ def extend(
         insert(setting.start, start),
         insert(setting.prior, weak_prior(added, 0)),
     )
-    return Joint(joint.layout + added, setting, joint.fitted), insert(vector, start)
+    return Joint(joint.layout + added, setting, joint.fitted, joint.most), insert(vector, start)

@@ -52,7 +52,8 @@ def descend(
     - `joint`, `vector`: what to fit, and where to start.
     - `graduate`: whether to begin with wide knees.
     - `steps`: at most this many with the knee at the noise.
-    - `tolerance`: the descent is at rest when two steps in a row take less than this part off the misfit (or 1e-5).
+    - `tolerance`: the descent is at rest when two steps in a row take less than this part off the misfit, or off
+        one nat where that is less (or 1e-5).
     """
     vector = jnp.asarray(vector)
     look = joint.look(vector)
@@ -84,7 +85,9 @@ def _walk(joint: Joint, vector, look: Look, knee: float, steps: int, tolerance: 
         if np.isfinite(new) and new < cost:
             gained = (cost - new) / samples
             vector, look, damping = jnp.asarray(tried), seen, max(damping / 5.0, _LEAST)
-            still = still + 1 if gained < max(1e-5, tolerance * cost / samples) else 0
+            # The cost is a logarithm: far from the noise, too, a nat is a factor e in the errors.
+            little = max(1e-5, tolerance * min(cost / samples, 1.0))
+            still = still + 1 if gained < little else 0
             if still >= 2:
                 return vector, (look, True)
         else:

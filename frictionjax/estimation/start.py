@@ -8,6 +8,7 @@ offered, and the fit chooses.
 import equinox as eqx
 import numpy as np
 
+from frictionjax.estimation.batch import noise_level
 from frictionjax.estimation.sliding import WINDOWS, SlidingFit, SlidingMotion, fit_sliding, smooth_motion
 from frictionjax.frequency import SKResult, estimate_frf, fit_sk
 from frictionjax.physics import Drive, LuGre
@@ -63,9 +64,10 @@ def starting_values(
         return Start(_without_sliding(motions, stick, motor_constant), tuple(notes), True)
     J = sliding.J if sliding.credible or stick is None else stick.J.value
     effort = max(float(np.sqrt(np.mean(m.force**2))) for m in motions)
-    if J <= 0.0:
+    acceleration = max(float(np.sqrt(np.mean(m.a**2))) for m in motions)
+    if J * acceleration < _LEAST_FORCE * effort:
         # Inertia that would take all of the force to make the measured acceleration.
-        J = effort / max(float(np.sqrt(np.mean(m.a**2))) for m in motions)
+        J = effort / acceleration
     Fc = max(sliding.Fc, 0.02 * effort)
     Fs = _break_away(motions, J, Fc, sliding)
     # A hundredth of Coulomb friction at top speed is as good as zero, and positive.
@@ -83,13 +85,16 @@ def starting_values(
             "and are barely visible."
         )
         stroke = max(float(np.ptp(m.x)) for m in motions)
+        within = max(_from_rest(recording) for recording in recordings)
         for part, spread in ((1e-5, 3.0), (1e-4, 1.0), (1e-4, 6.0), (1e-2, 3.0)):
-            stiffness = Fs / (part * stroke)
+            stiffness = Fs / max(part * stroke, within)
             damping = np.sqrt(stiffness * J)
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
     return Start(tuple(drives), tuple(notes), stick is not None)
 
 
+_LEAST_FORCE = 1e-3
+"""Share of the motor force below which inertia is no inertia: a least-squares fit kept it from going below zero."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
 
@@ -154,6 +159,15 @@ def _best_stick(
             continue
         results.append((wander, sk))
     return min(results, key=lambda pair: pair[0])[1] if results else None
+
+
+def _from_rest(recording: Recording) -> float:
+    """How far the machine gets from rest within one sample, position units: its acceleration over the rate squared.
+
+    A bristle that yields on a shorter way is not in the recording, and a model of it would be chaotic.
+    """
+    squares = float(np.mean(np.diff(recording.x, 2) ** 2)) - 6.0 * noise_level(recording) ** 2
+    return float(np.sqrt(max(squares, 0.0)))
 
 
 def _wander(x: np.ndarray, segment: int) -> float:

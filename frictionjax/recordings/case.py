@@ -11,6 +11,7 @@ import numpy as np
 
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
+from frictionjax.recordings.keep_aside import keep_last_third_aside
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
 from frictionjax.recordings.recording import Case, Recording
 from frictionjax.recordings.schema import CASE_KEYS, Entry, Spot, known_keys, parse_entry, parse_plant, text
@@ -45,7 +46,7 @@ def load_case(path: str | Path) -> Case:
 
 def case_from_files(
     files: str | Path | Sequence[str | Path],
-    holdout: str | Path | Sequence[str | Path],
+    holdout: str | Path | Sequence[str | Path] = (),
     *,
     motor_constant: float | None = None,
     sample_rate: float | None = None,
@@ -65,7 +66,8 @@ def case_from_files(
     **Arguments:**
 
     - `files`: one file or several, to fit.
-    - `holdout`: one file or several, kept aside for the judgement.
+    - `holdout`: one file or several, kept aside for the judgement. Of a single file without any, the last third is kept
+      aside, with a warning.
     - `motor_constant`: force or torque per input unit; absent: every force is per input unit.
     - `sample_rate`: Hz, for files without a time column.
     - `name`: the case's name; absent: that of the first file.
@@ -95,7 +97,10 @@ def case_from_files(
     }
     if name is not None:
         table["name"] = name
-    return _build(table, stem(Path(given[0][0])) if given else "", Path(), Spot(None))
+    fallback = stem(Path(given[0][0])) if given else ""
+    if [role for _, role in given] == ["fit"]:
+        return keep_last_third_aside(_build(table, fallback, Path(), Spot(None), judged=False))
+    return _build(table, fallback, Path(), Spot(None))
 
 
 def _several(files: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
@@ -126,14 +131,15 @@ def _toml(path: Path, source: str) -> dict[str, Any]:
         ) from None
 
 
-def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Case:
-    """The case from its keys; `folder` is where relative paths begin."""
+def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, judged: bool = True) -> Case:
+    """The case from its keys; `folder` is where relative paths begin, `judged` whether a recording must be kept
+    aside."""
     name = text(table, "name", spot) if "name" in table else fallback
     plant_table = table.get("plant", {})
     if not isinstance(plant_table, dict):
         spot.fail("the plant is not a table", "plant", "Write [plant] on a line, and its keys below it")
     plant = parse_plant(plant_table, Spot(spot.source, "[plant]" if spot.source else ""))
-    entries = _entries(table, spot)
+    entries = _entries(table, spot, judged)
     paths = [_path(entry, folder) for entry in entries]
     _require_apart(entries, paths)
     recordings: list[Recording] = []
@@ -147,8 +153,8 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Ca
     return Case(name=name, plant=plant, recordings=tuple(recordings))
 
 
-def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
-    """The checked recordings' keys, some to fit and some kept aside."""
+def _entries(table: dict[str, Any], spot: Spot, judged: bool) -> list[Entry]:
+    """The checked recordings' keys, some to fit and, when they are `judged`, some kept aside."""
     tables = table.get("recording", [])
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         spot.fail("recordings are a list of tables", "recording", "Write [[recording]] with double brackets")
@@ -167,9 +173,9 @@ def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
             else "Give at least one file besides the holdout"
         )
         spot.fail("there is no recording to fit", cure=cure)
-    if "holdout" not in roles:
+    if judged and "holdout" not in roles:
         cure = (
-            'Mark at least one recording with role = "holdout"'
+            'Mark at least one recording with role = "holdout"; a file may occur twice, with an interval each'
             if spot.source
             else "Name at least one file as holdout"
         )

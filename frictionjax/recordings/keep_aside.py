@@ -1,0 +1,66 @@
+"""One recording alone: its end is kept aside, for no model can be judged on data that the fit has seen."""
+
+import dataclasses
+import warnings
+
+from frictionjax.core import FrictionjaxWarning, InputError
+from frictionjax.recordings.recording import Case, Recording
+
+PART = 3
+"""One part in so many is kept aside."""
+_LEAST = 100  # samples in the part that is kept aside
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+
+
+def keep_last_third_aside(case: Case) -> Case:
+    """The case with the last third of its only recording kept aside, under the name `<name>_last_third`.
+
+    The end of a run is no independent experiment: it shares the run's operating point, and what only shows at its
+    beginning or its end judges badly. A second recording is better, and the warning says so.
+
+    **Arguments:**
+
+    - `case`: a case of one recording, whatever its role.
+
+    **Returns:** a `Case` of two recordings, on one clock; the warning is among those of the first.
+
+    **Raises:** `InputError` when the case has more recordings than one, or when that one is too short to be divided.
+    Warns with `FrictionjaxWarning`.
+    """
+    if len(case.recordings) != 1:
+        raise InputError(
+            f"there are {len(case.recordings)} recordings, and only one alone is divided",
+            file=case.name,
+            cure='Give one of them role = "holdout"',
+        )
+    (recording,) = case.recordings
+    kept = recording.x.size // PART
+    if kept < _LEAST:
+        raise InputError(
+            f"{recording.x.size} samples are too few to keep a third of them aside",
+            file=case.name,
+            place=f"recording {recording.name}",
+            cure=f"Record at least {PART * _LEAST} samples, better several seconds, or name another file as holdout",
+        )
+    cut = recording.x.size - kept
+    said = (
+        f"There is no recording to judge on: the last third ({kept / recording.sample_rate:.3g} s) was kept aside and "
+        "not fitted. A second recording judges better, as a run's end resembles its beginning."
+    )
+    warnings.warn(FrictionjaxWarning(f"{recording.name}: {said}"), stacklevel=2)
+    first = _part(recording, slice(None, cut), role="fit", warnings=(*recording.warnings, said))
+    last = _part(
+        recording,
+        slice(cut, None),
+        role="holdout",
+        name=f"{recording.name}_last_third",
+        start_time=recording.start_time + cut / recording.sample_rate,
+        warnings=(),
+    )
+    return dataclasses.replace(case, recordings=(first, last))
+
+
+def _part(recording: Recording, part: slice, **changes) -> Recording:
+    channels = {name: getattr(recording, name) for name in _CHANNELS}
+    cut = {name: values[part].copy() for name, values in channels.items() if values is not None}
+    return dataclasses.replace(recording, **cut, **changes)
