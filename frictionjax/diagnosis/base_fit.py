@@ -8,7 +8,7 @@ import numpy as np
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import Fitted, descend
@@ -18,7 +18,7 @@ from frictionjax.physics import Drive
 
 def fit_base(
     starts: Sequence[Drive],
-    batch: Batch,
+    batch: AbstractBatch,
     held_out: np.ndarray,
     executor: Executor,
     progress: Progress,

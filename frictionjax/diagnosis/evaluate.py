@@ -5,8 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from frictionjax.diagnosis.imposed import smoothing_width, view_of_forces
 from frictionjax.diagnosis.judge import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
@@ -25,8 +27,9 @@ _FORCE_BANDWIDTH = 25.0  # Hz
 
 
 class View(eqx.Module):
-    """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`, and
-    the observer's `v` and `bend` (|z| over Fs/sigma0), and its standardised innovations `e`."""
+    """One model's view of all recordings, shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the position, or of the
+    force where the motion is imposed; residual `force`; and the observer's `v` and `bend` (|z| over Fs/sigma0), and its
+    standardised innovations `e` (`v`, `bend` and errors of the run where the motion is imposed)."""
 
     free: np.ndarray
     ahead: np.ndarray
@@ -69,22 +72,35 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
 def view(judgement: Judgement, scene: Scene) -> View:
     """See all recordings of the `scene` through the model of the `judgement`."""
     batch = scene.batch
+    if isinstance(batch, ImposedBatch):
+        horizon, bandwidth = _horizon(scene), _force_bandwidth(scene)
+        seen = view_of_forces(judgement, batch, horizon, bandwidth)
+        return View(seen.free, seen.ahead, seen.missing, seen.v, seen.bend, seen.e)
     gains = observer_gains(jnp.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
-    slowest = float(np.max(np.asarray(batch.dt)))
-    horizon = max(round(_AHEAD / slowest), 1)
+    horizon = _horizon(scene)
     parts = _view(
         judgement.drive,
         batch,
         gains,
         jnp.asarray(judgement.deflection),
         batch.x[:, 0],
-        jnp.asarray(min(_FORCE_BANDWIDTH, 0.05 / slowest)),
+        jnp.asarray(_force_bandwidth(scene)),
         horizon,
         max(horizon // 40, 1),
     )
     free, ahead, force, v, bend, innovation = (np.asarray(part) for part in parts)
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
     return View(free, ahead, force, v, bend, innovation / unit * np.asarray(batch.valid))
+
+
+def _horizon(scene: Scene) -> int:
+    """Samples in the 0.1 s that models look ahead."""
+    return max(round(_AHEAD / float(np.max(np.asarray(scene.batch.dt)))), 1)
+
+
+def _force_bandwidth(scene: Scene) -> float:
+    """Bandwidth of the residual force, Hz."""
+    return min(_FORCE_BANDWIDTH, 0.05 / float(np.max(np.asarray(scene.batch.dt))))
 
 
 def _rmse(model: np.ndarray, measured: np.ndarray) -> float:
@@ -107,11 +123,15 @@ def recording_fits(
     fits = []
     for row, recording in enumerate(recordings):
         n = recording.x.size
-        noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
-        slowest = float(np.max(np.asarray(scene.batch.dt)))
-        std = residual_force_std(noise, float(base_drive.J), dt, min(_FORCE_BANDWIDTH, 0.05 / slowest))
+        noise, dt, bandwidth = float(scene.batch.noise[row]), 1.0 / recording.sample_rate, _force_bandwidth(scene)
+        if recording.drive == "motion":
+            measured = np.asarray(recording.force)
+            std = noise / np.sqrt(smoothing_width(bandwidth, dt))
+        else:
+            measured = recording.x
+            std = residual_force_std(noise, float(base_drive.J), dt, bandwidth)
         # Nothing is predicted before the first horizon has passed.
-        judged = slice(max(round(_AHEAD / slowest), 1), n)
+        judged = slice(_horizon(scene), n)
         fits.append(
             RecordingFit(
                 name=recording.name,
@@ -127,10 +147,12 @@ def recording_fits(
                 residual_force_extended=extended.force[row, :n],
                 residual_force_std=np.full(n, std),
                 noise_floor=noise,
-                free_run_rmse_base=_rmse(base.free[row, :n], recording.x),
-                free_run_rmse_extended=_rmse(extended.free[row, :n], recording.x),
-                prediction_rmse_base=_rmse(base.ahead[row, judged], recording.x[judged]),
-                prediction_rmse_extended=_rmse(extended.ahead[row, judged], recording.x[judged]),
+                free_run_rmse_base=_rmse(base.free[row, :n], measured),
+                free_run_rmse_extended=_rmse(extended.free[row, :n], measured),
+                prediction_rmse_base=_rmse(base.ahead[row, judged], measured[judged]),
+                prediction_rmse_extended=_rmse(extended.ahead[row, judged], measured[judged]),
+                drive=recording.drive,
+                force=recording.force if recording.drive == "motion" else None,
             )
         )
     return tuple(fits)

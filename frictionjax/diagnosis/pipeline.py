@@ -11,10 +11,12 @@ from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.axes import Motion, axes_of
 from frictionjax.diagnosis.base_fit import fit_base, message_of, parameters_of
+from frictionjax.diagnosis.begin import begin, check
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
+from frictionjax.diagnosis.imposed import idle_effects
 from frictionjax.diagnosis.judge import Scene, explained
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -35,9 +37,7 @@ from frictionjax.diagnosis.verdict import (
 )
 from frictionjax.diagnosis.where import strongest
 from frictionjax.diagnosis.words import summary_sentence
-from frictionjax.estimation.batch import least_samples, make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH
-from frictionjax.estimation.start import starting_values
+from frictionjax.estimation.batch import Batch
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
@@ -62,7 +62,7 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
     `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
-    _check(case)
+    check(case)
     own = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
         return _diagnose(case, own or executor, progress)  # type: ignore[arg-type]
@@ -71,58 +71,28 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
             own.shutdown(cancel_futures=True)
 
 
-def _check(case: Case) -> None:
-    if any(recording.drive == "motion" for recording in case.recordings):
-        names = ", ".join(r.name for r in case.recordings if r.drive == "motion")
-        raise InputError(
-            f'recordings with drive = "motion" ({names}) are read, but not diagnosed yet',
-            file=case.name,
-            cure="leave them out of the case; recordings of input and position can be diagnosed",
-        )
-    for recording in case.recordings:
-        least = least_samples(recording.sample_rate)
-        if recording.x.size < least:
-            raise InputError(
-                f"{recording.x.size} samples are too few for a diagnosis",
-                file=case.name,
-                place=f"recording {recording.name}",
-                cure=f"at {recording.sample_rate:g} Hz it needs at least {least}; leave it out or record longer",
-            )
-    if not case.fit_recordings or not case.holdout_recordings:
-        raise InputError(
-            "a diagnosis needs recordings to fit and at least one kept aside",
-            file=case.name,
-            cure='give one recording role = "holdout": it decides whether a name holds',
-        )
-
-
 def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     clock, compiling = _Stages(), CompileClock()
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    start = starting_values(
-        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
-    )
+    begun = begin(case)
     clock.stage("start")
-    recordings = case.fit_recordings + case.holdout_recordings
-    batch = make_batch(recordings, encoder_step=plant.encoder_step)
-    held_out = np.array([r.role == "holdout" for r in recordings])
     base = fit_base(
-        start.drives,
-        batch,
-        held_out,
+        begun.start.drives,
+        begun.batch,
+        begun.held_out,
         executor,
         lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
         known_inertia=plant.inertia is not None,
     )
     clock.stage("base fit")
-    untestable, unseen = not_testable(case, batch)
+    untestable, unseen = not_testable(case, begun.batch)
     steps = select(
         base,
         executor,
         lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-        without=unseen,
+        without=unseen | frozenset(idle_effects() if begun.imposed else ()),
         barred=frozenset(untestable),
     )
     clock.stage("naming")
@@ -137,8 +107,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
-    dt = float(np.max(np.asarray(batch.dt)))
-    scene = Scene(batch, held_out, min(SLOW_BANDWIDTH, 0.1 / dt), tuple(r.name for r in recordings))
+    scene = begun.scene
     base_view, extended_view = _views(base, final, scene)
     progress("locating", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
@@ -148,7 +117,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     experiments, not_designed = _experiments(steps, progress)
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
-    fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
+    fits = recording_fits(begun.recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -162,7 +131,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         extended=extended,
         recordings=fits,
         candidates=candidates(steps, units, untestable),
-        warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
+        warnings=_warnings(case, base_parameters, message_of(base), begun.notes + not_designed),
         seconds={**clock.seconds, "compile": round(compiling.seconds, 2), "total": round(clock.total, 2)},
         within=located.within,
     )
@@ -197,8 +166,12 @@ class _Stages:
 
 
 def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, floor: np.ndarray) -> Located:
-    motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
-    return locate(seen, extended, axes_of(motion, base, plant, scene), scene, floor)
+    batch = scene.batch
+    inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
+    axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
+    if not isinstance(batch, Batch):
+        axes.pop("input")
+    return locate(seen, extended, axes, scene, floor)
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
@@ -310,6 +283,4 @@ def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[
         warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
     if message:
         warnings.append(f"Base fit: {message}")
-    if case.plant.motor_constant is None:
-        warnings.append("The motor constant is unknown: every force is per input unit.")
     return tuple(dict.fromkeys(warnings))

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
 from frictionjax.estimation.residuals import block_power
@@ -105,7 +106,7 @@ class Joint(eqx.Module):
     fitted: Float[Array, " r"]
 
     @property
-    def batch(self) -> Batch:
+    def batch(self) -> AbstractBatch:
         """The recordings."""
         return self.setting.batch
 
@@ -162,13 +163,13 @@ class Joint(eqx.Module):
         return unpack(self.layout, self.setting.drive, vector[:count], self.setting.start[:count])
 
 
-def losses_of(power: Float[np.ndarray, "r b"], batch: Batch, floor: float | np.ndarray = 1.0) -> np.ndarray:
+def losses_of(power: Float[np.ndarray, "r b"], batch: AbstractBatch, floor: float | np.ndarray = 1.0) -> np.ndarray:
     """Log-likelihood loss of each block against the power `floor`, shape `(r, b)`; large where not finite."""
     power = np.nan_to_num(np.asarray(power), nan=1e30, posinf=1e30)
     return 0.5 * np.asarray(batch.block_count) * np.log((power + floor) / (2.0 * floor))
 
 
-def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -> float:
+def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: AbstractBatch) -> float:
     """Robust misfit per sample of the recordings `rows` (weights, shape `(r,)`)."""
     if not np.all(np.isfinite(power)):
         return float("inf")
@@ -178,7 +179,7 @@ def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -
 
 def make_joint(
     drive: Drive,
-    batch: Batch,
+    batch: AbstractBatch,
     held_out: np.ndarray,
     *,
     scales: dict[str, float] | None = None,
@@ -191,11 +192,12 @@ def make_joint(
     - `drive`: structure and start.
     - `batch`: the recordings; `held_out` (bool, shape `(r,)`) tells which are kept aside.
     - `scales`: the plant's own sizes by name, for the effects' scales.
-    - `known_inertia`: keep J.
+    - `known_inertia`: keep J; where all motion is imposed it does not act, and is kept in any case.
     """
-    dt = float(jnp.max(batch.dt))
-    layout = base_layout(drive, dt, known_inertia=known_inertia) + effect_layout(drive, scales or {})
-    recordings = batch.u.shape[0]
+    dt, imposed = float(jnp.max(batch.dt)), isinstance(batch, ImposedBatch)
+    layout = base_layout(drive, dt, known_inertia=known_inertia or imposed, imposed=imposed)
+    layout += effect_layout(drive, scales or {})
+    recordings = batch.x.shape[0]
     start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
     prior = weak_prior(layout, recordings)
     setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)
