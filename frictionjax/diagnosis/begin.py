@@ -37,7 +37,9 @@ class Beginning(eqx.Module):
     @property
     def scene(self) -> Scene:
         """All recordings, as maps and pictures see them: without an observer where the motion is imposed."""
-        bandwidth = 0.0 if self.imposed else min(SLOW_BANDWIDTH, 0.1 / float(np.max(np.asarray(self.batch.dt))))
+        bandwidth = (
+            0.0 if self.imposed else min(SLOW_BANDWIDTH, 0.1 / float(np.max(np.asarray(self.batch.dt))))
+        )
         return Scene(self.batch, self.held_out, bandwidth, tuple(r.name for r in self.recordings))
 
 

@@ -123,7 +123,11 @@ def recording_fits(
     fits = []
     for row, recording in enumerate(recordings):
         n = recording.x.size
-        noise, dt, bandwidth = float(scene.batch.noise[row]), 1.0 / recording.sample_rate, _force_bandwidth(scene)
+        noise, dt, bandwidth = (
+            float(scene.batch.noise[row]),
+            1.0 / recording.sample_rate,
+            _force_bandwidth(scene),
+        )
         if recording.drive == "motion":
             measured = np.asarray(recording.force)
             std = noise / np.sqrt(smoothing_width(bandwidth, dt))

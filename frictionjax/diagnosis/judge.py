@@ -58,7 +58,7 @@ class Judgement(eqx.Module):
 
 def judge(joint: Joint, fitted: Fitted) -> Judgement:
     """Judge what a descent of `joint` came to; only starting deflections have seen the recordings kept aside."""
-    power = np.nan_to_num(np.asarray(fitted.look.power), nan=1e30, posinf=1e30)
+    power = np.nan_to_num(np.asarray(fitted.look.power), nan=1e30, posinf=1e30) * joint.batch.eased[:, None]
     held_out = np.asarray(joint.fitted) == 0.0
     return Judgement(joint.drive(fitted.vector), fitted.vector, power, held_out, joint.batch)
 

@@ -11,7 +11,16 @@ from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force
 from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import present_model
-from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit_all, short_list
+from frictionjax.diagnosis.refit import (
+    Compared,
+    Model,
+    Refitted,
+    compare,
+    ease,
+    polish,
+    refit_all,
+    short_list,
+)
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
 from frictionjax.estimation.robust_fit import descend
@@ -130,6 +139,7 @@ def select(
     - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     """
+    model = ease(model)
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     answer = answer_to_force(model.joint, model.fitted.vector)
     steps: list[Step] = []
@@ -143,14 +153,14 @@ def select(
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = refit_all(chosen, model, scales, executor)
         model = _better_base(model, refits)
-        ones = np.ones((1, 1))
-        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, ones).worth)
+        least = model.joint.batch.eased[:, None]
+        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, least).worth)
         refits[:2] = executor.map(polish, refits[:2])
         step = weigh(model, trials, refits, answer)
         steps.append(step)
         if step.accepted is None:
             break
-        model = step.accepted.model
+        model = ease(step.accepted.model)
         whole = explained(steps[0].before.judgement, model.judgement, step.floor)
         if max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
@@ -161,7 +171,8 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
     """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
     force = min(force_noise(power, answer, model.joint) for power in powers)
-    floor = floor_of(force, answer)
+    # Errors that do not count in the fits do not count here either.
+    floor = np.maximum(floor_of(force, answer), model.joint.batch.eased[:, None])
     compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
     ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
     p_values = effect_p_values(trials)

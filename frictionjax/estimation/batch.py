@@ -40,6 +40,11 @@ class AbstractBatch(eqx.Module):
         return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
 
     @property
+    def eased(self) -> Float[np.ndarray, " r"]:
+        """Factor that brings the power of the standardised errors to multiples of that of the noise, shape `(r,)`."""
+        return np.ones(self.x.shape[0])
+
+    @property
     def block_count(self) -> Float[Array, "r b"]:
         """Scored samples in each block, shape `(r, n / block)`."""
         return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)

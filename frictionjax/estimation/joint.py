@@ -163,7 +163,9 @@ class Joint(eqx.Module):
         return unpack(self.layout, self.setting.drive, vector[:count], self.setting.start[:count])
 
 
-def losses_of(power: Float[np.ndarray, "r b"], batch: AbstractBatch, floor: float | np.ndarray = 1.0) -> np.ndarray:
+def losses_of(
+    power: Float[np.ndarray, "r b"], batch: AbstractBatch, floor: float | np.ndarray = 1.0
+) -> np.ndarray:
     """Log-likelihood loss of each block against the power `floor`, shape `(r, b)`; large where not finite."""
     power = np.nan_to_num(np.asarray(power), nan=1e30, posinf=1e30)
     return 0.5 * np.asarray(batch.block_count) * np.log((power + floor) / (2.0 * floor))

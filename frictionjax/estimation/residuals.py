@@ -34,7 +34,7 @@ def standardised(
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
     if isinstance(batch, ImposedBatch):
         errors = batch.force - batch.run(drive, deflection)[2]
-        return errors / batch.noise[:, None] * batch.valid
+        return errors / (batch.ease * batch.noise)[:, None] * batch.valid
     return _innovations(drive, deflection, batch, gains, substeps)
 
 
