@@ -1,5 +1,7 @@
 """Simulated tribometer cases: imposed motions of two kinds to fit, and others of the same kinds kept aside."""
 
+from typing import Literal
+
 import numpy as np
 from helpers_plants import ROTARY
 
@@ -25,7 +27,7 @@ def sines(scale=1.0, late=0.0):
     return scale * (large + 1e-4 * np.sin(2 * np.pi * 23.0 * t))
 
 
-def measured(name, x, *, drive=ROTARY, role="fit", seed=0, more=None):
+def measured(name, x, *, drive=ROTARY, role: Literal["fit", "holdout"] = "fit", seed=0, more=None):
     """The friction force of `drive` under the imposed motion `x`, with `more(x)` beside it and white noise."""
     force = np.asarray(simulate_imposed(drive, x, RATE).friction) + (0.0 if more is None else more(x))
     force = force + NOISE * np.random.default_rng(seed).standard_normal(x.size)
@@ -34,7 +36,7 @@ def measured(name, x, *, drive=ROTARY, role="fit", seed=0, more=None):
 
 def motion_case(drive=ROTARY, more=None):
     """Triangles and sines to fit, smaller ones from another start kept aside."""
-    parts = (
+    parts: tuple[tuple[str, np.ndarray, Literal["fit", "holdout"]], ...] = (
         ("triangles", triangles(), "fit"),
         ("sines", sines(), "fit"),
         ("held_triangles", triangles(0.8)[::-1].copy(), "holdout"),

@@ -35,7 +35,8 @@ def test_the_truth_leaves_the_noise():
     """With the parameters of the plant the standardised errors are white noise of unit power, forces and all."""
     drive = SLIP.with_effects(effect("ConstantLoad", load=0.05))
     recordings = motion_case(drive).recordings
-    joint, vector = make_joint(drive, make_imposed_batch(recordings), np.zeros(4, dtype=bool))
+    batch = make_imposed_batch(recordings)
+    joint, vector = make_joint(drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch))
     e = np.asarray(joint.errors([vector])[0])
     count = e.shape[1]
     for row in e:
@@ -123,6 +124,7 @@ def slipping():
         return diagnose(motion_case(SLIP), executor=executor)
 
 
+@pytest.mark.slow
 def test_a_hidden_maxwell_slip_is_named(slipping):
     assert slipping.verdict == "named"
     (missing,) = slipping.missing
@@ -134,6 +136,7 @@ def test_a_hidden_maxwell_slip_is_named(slipping):
     assert any("no inertia acts" in text for text in slipping.warnings)
 
 
+@pytest.mark.slow
 def test_the_held_out_force_error_falls_to_the_noise(slipping):
     for fit in (fit for fit in slipping.recordings if fit.role == "holdout"):
         assert fit.noise_floor == pytest.approx(NOISE, rel=0.15)
@@ -150,6 +153,7 @@ def test_the_held_out_force_error_falls_to_the_noise(slipping):
         assert spread == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_map_has_no_input_and_says_what_is_mended(slipping):
     axes = {cell.axis for cell in slipping.mismatch}
     assert axes == {"regime", "direction", "velocity", "position", "since_reversal", "time", "frequency"}
@@ -159,6 +163,7 @@ def test_the_map_has_no_input_and_says_what_is_mended(slipping):
             assert cell.excess_extended == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_verdict_is_saved_with_the_force(slipping, tmp_path):
     folder = slipping.save(tmp_path / "out")
     verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))

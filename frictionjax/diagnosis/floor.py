@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import Joint
 
@@ -39,6 +40,7 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
     if isinstance(batch, ImposedBatch):
         whole = np.asarray(drive.friction.Fc / batch.noise)[:, None] ** 2
         return Answer(whole * (np.asarray(batch.block_count) > 0))
+    assert isinstance(batch, Batch)
     size = _SMALL * float(drive.friction.Fc) / float(drive.motor_constant)
     plain = joint.errors([vector])[0]
     total = np.zeros(np.asarray(batch.block_count).shape)

@@ -1,4 +1,4 @@
-"""Recordings of imposed motion, where their diagnosis differs: effects are simulated as they are, the answer is a force.
+"""Where the diagnosis of imposed motions differs: effects are simulated as they are, and the answer is a force.
 
 The motion is the same whatever the model, so that an effect needs no signals along an observed motion: the model with
 it is run. Nothing drifts, so that a free run is the prediction; and what drives, moves and measures the position takes
@@ -130,7 +130,7 @@ def _mean_over(values: np.ndarray, width: int) -> np.ndarray:
 
 
 def _until(error: np.ndarray, horizon: int) -> np.ndarray:
-    """Mean of the `error`, shape `(r, n)`, over the `horizon` samples that ended `horizon` samples before; 0 at first."""
+    """Mean of the `error`, shape `(r, n)`, over `horizon` samples that ended `horizon` samples before; 0 at first."""
     total = np.pad(np.cumsum(error, axis=1), ((0, 0), (1, 0)))
     last = np.maximum(np.arange(error.shape[1]) - horizon + 1, 0)
     first = np.maximum(last - horizon, 0)

@@ -195,8 +195,8 @@ def save_diagnosis(diagnosis: "Diagnosis", directory: str | Path) -> Path:
 
 
 def write_fit_csv(recording: "RecordingFit", file: Path) -> None:
-    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits; the measured
-    `force` after them where it is the answer.
+    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits;
+    the measured `force` after them where it is the answer.
 
     **Arguments:**
 

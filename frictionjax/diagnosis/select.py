@@ -156,11 +156,11 @@ def select(
         least = model.joint.batch.eased[:, None]
         refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, least).worth)
         refits[:2] = executor.map(polish, refits[:2])
-        step = weigh(model, trials, refits, answer)
+        step = _settled(weigh(model, trials, refits, answer))
         steps.append(step)
         if step.accepted is None:
             break
-        model = ease(step.accepted.model)
+        model = step.accepted.model
         whole = explained(steps[0].before.judgement, model.judgement, step.floor)
         if max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
             break
@@ -205,6 +205,18 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _settled(step: Step) -> Step:
+    """The same step, with the model that was accepted weighed against what it leaves itself."""
+    if step.accepted is None:
+        return step
+    eased = ease(step.accepted.model)
+    if eased is step.accepted.model:
+        return step
+    accepted = Refitted(step.accepted.trial, eased)
+    refits = [accepted if r is step.accepted else r for r in step.refits]
+    return eqx.tree_at(lambda s: (s.accepted, s.refits), step, (accepted, refits))
 
 
 def _free(refitted: Refitted) -> int:
