@@ -20,9 +20,9 @@ def triangles(scale=1.0):
     return scale * np.interp(np.arange(SAMPLES) / SAMPLES, np.linspace(0.0, 1.0, len(turns)), turns)
 
 
-def sines(scale=1.0, late=0.0):
+def sines(scale=1.0):
     """Sliding at all speeds up to 0.3 rad/s, under a quick small motion that shows the damping of the bristle."""
-    t = np.arange(SAMPLES) / RATE + late
+    t = np.arange(SAMPLES) / RATE
     large = 0.03 * np.sin(2 * np.pi * 0.9 * t) + 6e-3 * np.sin(2 * np.pi * 3.3 * t)
     return scale * (large + 1e-4 * np.sin(2 * np.pi * 23.0 * t))
 
@@ -35,12 +35,12 @@ def measured(name, x, *, drive=ROTARY, role: Literal["fit", "holdout"] = "fit", 
 
 
 def motion_case(drive=ROTARY, more=None):
-    """Triangles and sines to fit, smaller ones from another start kept aside."""
+    """Triangles and sines to fit, smaller ones that run backwards kept aside."""
     parts: tuple[tuple[str, np.ndarray, Literal["fit", "holdout"]], ...] = (
         ("triangles", triangles(), "fit"),
         ("sines", sines(), "fit"),
         ("held_triangles", triangles(0.8)[::-1].copy(), "holdout"),
-        ("held_sines", sines(0.8, late=0.4), "holdout"),
+        ("held_sines", sines(0.8)[::-1].copy(), "holdout"),
     )
     recordings = tuple(
         measured(name, x, drive=drive, role=role, seed=seed, more=more)
