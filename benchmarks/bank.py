@@ -116,11 +116,11 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
     select, try_catalogue = pipeline.select, selection.try_catalogue
     tested: dict[int, tuple[object, list]] = {}
 
-    def tested_once(model, scales, executor, without):
+    def tested_once(model, scales, executor, without, pair):
         if id(model) not in tested:
             tested[id(model)] = (
                 model,
-                try_catalogue(model, scales, executor, without - frozenset(job["missing"])),
+                try_catalogue(model, scales, executor, without - frozenset(job["missing"]), pair),
             )
         return [trial for trial in tested[id(model)][1] if trial.effect not in without]
 

@@ -6,39 +6,27 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Estimate, Progress
-from frictionjax.diagnosis.judge import Scene, judge
+from frictionjax.diagnosis.begin import Beginning
+from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
-from frictionjax.estimation.batch import Batch, make_batch
+from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import Fitted, descend
-from frictionjax.estimation.start import Start, starting_values
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
-from frictionjax.recordings import Case
 
 
-def start_of(case: Case) -> Start:
-    """Starting values from the recordings of `case` that may be fitted."""
-    plant = case.plant
-    return starting_values(
-        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
+def base_of(begun: Beginning, executor: Executor, progress: Progress, *, known_inertia: bool) -> Model:
+    """The base model fitted to the recordings of `begun` that are not held out; `known_inertia` keeps J."""
+    return fit_base(
+        begun.start.drives, begun.batch, begun.held_out, executor, progress, known_inertia=known_inertia
     )
-
-
-def base_of(case: Case, start: Start, executor: Executor, progress: Progress) -> tuple[Model, Scene]:
-    """The base model fitted to `case` from its `start`, and the scene of its recordings: the fitted ones first."""
-    recordings = case.fit_recordings + case.holdout_recordings
-    batch = make_batch(recordings, encoder_step=case.plant.encoder_step)
-    held_out = np.array([r.role == "holdout" for r in recordings])
-    scene = Scene(batch, held_out, SLOW_BANDWIDTH, tuple(r.name for r in recordings))
-    known = case.plant.inertia is not None
-    return fit_base(start.drives, batch, held_out, executor, progress, known_inertia=known), scene
 
 
 def fit_base(
     starts: Sequence[Drive],
-    batch: Batch,
+    batch: AbstractBatch,
     held_out: np.ndarray,
     executor: Executor,
     progress: Progress,

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.diagnosis.imposed import idle_effects
+from frictionjax.estimation.batch import AbstractBatch, noise_level
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case
 from frictionjax.recordings.regimes import find_regimes
@@ -20,14 +22,16 @@ _WORDS = {
 }
 
 
-def missing_needs(case: Case, batch: Batch) -> dict[str, str]:
+def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
     """Need of an effect (`About.needs`) that the fitted recordings of `case` do not meet -> what they lack, in words.
 
     `batch` holds the recordings, the fitted ones first.
     """
+    imposed = isinstance(batch, ImposedBatch)
+    noises = [noise_level(r) for r in case.fit_recordings] if imposed else np.asarray(batch.noise)
     found = [
-        find_regimes(r.x, r.sample_rate, float(noise))
-        for r, noise in zip(case.fit_recordings, np.asarray(batch.noise), strict=False)
+        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if imposed else None)
+        for r, noise in zip(case.fit_recordings, noises, strict=False)
     ]
     starts = {r.start_time for r in case.fit_recordings}
     span = max(r.start_time + r.duration for r in case.fit_recordings) - min(starts)
@@ -50,16 +54,16 @@ def _temperature_range(case: Case) -> float:
     return float(np.ptp(np.concatenate([np.asarray(r.temperature) for r in case.fit_recordings])))
 
 
-def not_testable(case: Case, batch: Batch) -> tuple[dict[str, str], frozenset[str]]:
+def not_testable(case: Case, batch: AbstractBatch) -> tuple[dict[str, str], frozenset[str]]:
     """Effects of the catalogue that the recordings cannot show in any form -> why, in words; and the forms that they
     cannot show of other effects. Arguments as in `missing_needs`."""
     lacking = missing_needs(case, batch)
-    reasons: dict[str, str] = {}
+    reasons = idle_effects() if isinstance(batch, ImposedBatch) else {}
     unseen: set[str] = set()
     for name, forms in catalogue().items():
         why = {form.__name__: [lacking[n] for n in form.about.needs if n in lacking] for form in forms}
         if all(why.values()):
-            reasons[name] = next(iter(why.values()))[0]
+            reasons.setdefault(name, next(iter(why.values()))[0])
         else:
             unseen |= {form for form, reason in why.items() if reason}
     return reasons, frozenset(unseen)

@@ -10,9 +10,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.refit import Model
-from frictionjax.estimation.joint import CLUSTER_BLOCKS
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.imposed_batch import ImposedBatch
+from frictionjax.estimation.joint import CLUSTER_BLOCKS, Joint
 from frictionjax.estimation.no_model import innovations_without_model
 
 _HALF = 0.5  # of the energy
@@ -42,8 +45,7 @@ class Credibility(NamedTuple):
 def credibility(model: Model) -> Credibility:
     """Hold the fitted `model` against no model."""
     joint = model.joint
-    unexplained = jnp.asarray(innovations_without_model(joint.batch, joint.setting.gains))
-    none = np.asarray(joint.batch.block_mean(unexplained**2))
+    none = np.asarray(joint.batch.block_mean(_without_model(joint) ** 2))
     told, count = model.judgement.power, np.asarray(joint.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)
     failed = tuple(
@@ -52,6 +54,16 @@ def credibility(model: Model) -> Credibility:
         if not _better(*_compared(none[row : row + 1], told[row : row + 1], count[row : row + 1]))
     )
     return Credibility(*_compared(none[rows], told[rows], count[rows]), failed)
+
+
+def _without_model(joint: Joint) -> Float[Array, "r n"]:
+    """Standardised errors of no model: the machine keeps its speed; under an imposed motion friction is constant."""
+    batch = joint.batch
+    if isinstance(batch, ImposedBatch):
+        mean = jnp.sum(batch.force * batch.valid, axis=1) / jnp.sum(batch.valid, axis=1)
+        return (batch.force - mean[:, None]) / (batch.noise * batch.ease)[:, None] * batch.valid
+    assert isinstance(batch, Batch)
+    return jnp.asarray(innovations_without_model(batch, joint.setting.gains))
 
 
 def _better(energy: float, lead: float) -> bool:

@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from frictionjax.diagnosis.imposed import smoothing_width, view_of_forces
 from frictionjax.diagnosis.judge import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
@@ -27,8 +29,9 @@ _FORCE_BANDWIDTH = 25.0  # Hz
 
 
 class View(eqx.Module):
-    """One model's view of all recordings, shape `(r, n)`: `free` run, position `ahead` by 0.1 s, residual `force`, and
-    the observer's `v` and `bend` (|z| over Fs/sigma0), and its standardised innovations `e`."""
+    """One model's view of all recordings, shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the position, or of the
+    force where the motion is imposed; residual `force`; and the observer's `v` and `bend` (|z| over Fs/sigma0), and its
+    standardised innovations `e` (`v`, `bend` and errors of the run where the motion is imposed)."""
 
     free: np.ndarray
     ahead: np.ndarray
@@ -70,13 +73,18 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
 
 def view(judgement: Judgement, scene: Scene) -> View:
     """See all recordings of the `scene` through the model of the `judgement`."""
-    dt = np.asarray(scene.batch.dt)
-    shape = np.asarray(scene.batch.x).shape
+    batch = scene.batch
+    dt = np.asarray(batch.dt)
+    if isinstance(batch, ImposedBatch):
+        slowest = float(np.max(dt))
+        seen = view_of_forces(judgement, batch, ahead_samples(slowest), force_bandwidth(slowest))
+        return View(seen.free, seen.ahead, seen.missing, seen.v, seen.bend, seen.e)
+    shape = np.asarray(batch.x).shape
     whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}
     # A time ahead is another number of samples at another rate.
     for step in np.unique(dt):
         rows = np.flatnonzero(dt == step)
-        length = shape[1] if rows.size == dt.size else int(np.max(scene.batch.lengths[rows]))
+        length = shape[1] if rows.size == dt.size else int(np.max(batch.lengths[rows]))
         for name, part in _seen(judgement, scene, rows, length, float(step)).items():
             whole[name][rows, :length] = part
     return View(**whole)
@@ -138,9 +146,16 @@ def recording_fits(
     for row, recording in enumerate(recordings):
         n = recording.x.size
         noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
-        std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
+        if recording.drive == "motion":
+            # Imposed motions are seen as one, at the lowest of their rates.
+            slowest = float(np.max(np.asarray(scene.batch.dt)))
+            measured, horizon = np.asarray(recording.force), ahead_samples(slowest)
+            std = noise / np.sqrt(smoothing_width(force_bandwidth(slowest), dt))
+        else:
+            measured, horizon = recording.x, ahead_samples(dt)
+            std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
         # Nothing is predicted before the first horizon has passed.
-        judged = slice(ahead_samples(dt), n)
+        judged = slice(horizon, n)
         fits.append(
             RecordingFit(
                 name=recording.name,
@@ -156,10 +171,12 @@ def recording_fits(
                 residual_force_extended=extended.force[row, :n],
                 residual_force_std=np.full(n, std),
                 noise_floor=noise,
-                free_run_rmse_base=_rmse(base.free[row, :n], recording.x),
-                free_run_rmse_extended=_rmse(extended.free[row, :n], recording.x),
-                prediction_rmse_base=_rmse(base.ahead[row, judged], recording.x[judged]),
-                prediction_rmse_extended=_rmse(extended.ahead[row, judged], recording.x[judged]),
+                free_run_rmse_base=_rmse(base.free[row, :n], measured),
+                free_run_rmse_extended=_rmse(extended.free[row, :n], measured),
+                prediction_rmse_base=_rmse(base.ahead[row, judged], measured[judged]),
+                prediction_rmse_extended=_rmse(extended.ahead[row, judged], measured[judged]),
+                drive=recording.drive,
+                force=recording.force if recording.drive == "motion" else None,
             )
         )
     return tuple(fits)

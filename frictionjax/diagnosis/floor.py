@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import Joint
 
 _DRAWS = 4
@@ -30,8 +32,15 @@ class Answer(eqx.Module):
 
 
 def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
-    """How the innovations of `joint` at `vector` answer to a small white force, held over each sample."""
+    """How the innovations of `joint` at `vector` answer to a small white force, held over each sample.
+
+    Where the motion is imposed the force is what is measured, and answers with all of itself everywhere.
+    """
     batch, drive = joint.batch, joint.drive(vector)
+    if isinstance(batch, ImposedBatch):
+        whole = np.asarray(drive.friction.Fc / batch.noise)[:, None] ** 2
+        return Answer(whole * (np.asarray(batch.block_count) > 0))
+    assert isinstance(batch, Batch)
     size = _SMALL * float(drive.friction.Fc) / float(drive.motor_constant)
     plain = joint.errors([vector])[0]
     total = np.zeros(np.asarray(batch.block_count).shape)

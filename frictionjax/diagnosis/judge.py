@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.joint import CLUSTER_BLOCKS, Joint, losses_of
 from frictionjax.estimation.robust_fit import Fitted
 from frictionjax.physics import Drive
@@ -17,7 +17,7 @@ class Scene(eqx.Module):
     observer (Hz), `names` of the recordings.
     """
 
-    batch: Batch
+    batch: AbstractBatch
     held_out: np.ndarray
     bandwidth: float = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
@@ -34,7 +34,7 @@ class Judgement(eqx.Module):
     vector: Float[Array, " q"]
     power: np.ndarray
     held_out: np.ndarray
-    batch: Batch
+    batch: AbstractBatch
 
     @property
     def deflection(self) -> np.ndarray:
@@ -69,7 +69,7 @@ class Judgement(eqx.Module):
 
 def judge(joint: Joint, fitted: Fitted) -> Judgement:
     """Judge what a descent of `joint` came to; only starting deflections have seen the recordings kept aside."""
-    power = np.nan_to_num(np.asarray(fitted.look.power), nan=1e30, posinf=1e30)
+    power = np.nan_to_num(np.asarray(fitted.look.power), nan=1e30, posinf=1e30) * joint.batch.eased[:, None]
     held_out = np.asarray(joint.fitted) == 0.0
     return Judgement(joint.drive(fitted.vector), fitted.vector, power, held_out, joint.batch)
 

@@ -30,7 +30,7 @@ COLUMNS = (
     "residual_force",
     "residual_force_std",
 )
-_HEADER = ",".join(COLUMNS) + "\n"
+_HEADER = ",".join(COLUMNS)
 _CURE = "Choose another output directory, or make room for this one."
 
 Writer = Callable[["Diagnosis", Path], None]
@@ -195,17 +195,19 @@ def save_diagnosis(diagnosis: "Diagnosis", directory: str | Path) -> Path:
 
 
 def write_fit_csv(recording: "RecordingFit", file: Path) -> None:
-    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits.
+    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits;
+    the measured `force` after them where it is the answer.
 
     **Arguments:**
 
     - `recording`: arrays of shape `(n,)`; t in s, the others in the units of the plant.
     - `file`: the file to write.
     """
-    table = np.column_stack([np.asarray(getattr(recording, name), float) for name in COLUMNS])
-    row = ",".join(["%.9g"] * len(COLUMNS)) + "\n"
+    columns = COLUMNS if recording.force is None else (*COLUMNS, "force")
+    table = np.column_stack([np.asarray(getattr(recording, name), float) for name in columns])
+    row = ",".join(["%.9g"] * len(columns)) + "\n"
     with file.open("w", encoding="ascii", newline="") as stream:
-        stream.write(_HEADER)
+        stream.write(",".join(columns) + "\n")
         # One `%` for thousands of rows: three times as fast as row by row.
         for start in range(0, len(table), 4096):
             chunk = table[start : start + 4096]

@@ -10,12 +10,14 @@ import numpy as np
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.axes import Motion, axes_of
-from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of, start_of
+from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of
+from frictionjax.diagnosis.begin import begin, check
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.credible import credibility
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
+from frictionjax.diagnosis.imposed import idle_effects
 from frictionjax.diagnosis.judge import Judgement, Scene, explained
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -28,7 +30,6 @@ from frictionjax.diagnosis.select import (
 )
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
 from frictionjax.diagnosis.unscored import unscored, what_to_check
-from frictionjax.diagnosis.usable import check_usable
 from frictionjax.diagnosis.verdict import (
     Diagnosis,
     MismatchBin,
@@ -38,7 +39,7 @@ from frictionjax.diagnosis.verdict import (
 )
 from frictionjax.diagnosis.where import strongest
 from frictionjax.diagnosis.words import summary_sentence
-from frictionjax.estimation.batch import least_samples
+from frictionjax.estimation.batch import Batch
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
@@ -65,7 +66,7 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
     `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
-    _check(case)
+    check(case)
     own = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
         return _diagnose(case, own or executor, progress)  # type: ignore[arg-type]
@@ -74,58 +75,33 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
             own.shutdown(cancel_futures=True)
 
 
-def _check(case: Case) -> None:
-    if any(recording.drive == "motion" for recording in case.recordings):
-        names = ", ".join(r.name for r in case.recordings if r.drive == "motion")
-        raise InputError(
-            f'recordings with drive = "motion" ({names}) are read, but not diagnosed yet',
-            file=case.name,
-            cure="leave them out of the case; recordings of input and position can be diagnosed",
-        )
-    for recording in case.recordings:
-        least = least_samples(recording.sample_rate)
-        if recording.x.size < least:
-            raise InputError(
-                f"{recording.x.size} samples are too few for a diagnosis",
-                file=case.name,
-                place=f"recording {recording.name}",
-                cure=f"at {recording.sample_rate:g} Hz it needs at least {least}; leave it out or record longer",
-            )
-    if not case.fit_recordings or not case.holdout_recordings:
-        raise InputError(
-            "a diagnosis needs recordings to fit and at least one kept aside",
-            file=case.name,
-            cure='give one recording role = "holdout": it decides whether a name holds; of one recording alone, '
-            "`keep_last_third_aside(case)` keeps the end aside",
-        )
-    check_usable(case)
-
-
 def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     clock, compiling = _Stages(), CompileClock()
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    start = start_of(case)
+    begun = begin(case)
     clock.stage("start")
-    base, scene = base_of(
-        case, start, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction)
+    scene = begun.scene
+    known = plant.inertia is not None
+    base = base_of(
+        begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
     )
     credible = credibility(base)
     clock.stage("base fit")
     if not credible.credible:
         progress("looking for what is wrong", 0.3)
-        said = what_to_check(credible, case, lambda other: base_of(other, start_of(other), executor, silent))
+        said = what_to_check(credible, case, lambda other: _base_alone(other, executor))
         own = parameters_of(base, units)
         clock.stage("judging")
-        warnings = (said, *_warnings(case, own, message_of(base), start.notes))
+        warnings = (said, *_warnings(case, own, message_of(base), begun.notes))
         return unscored(case, base, scene, view(base.judgement, scene), own, warnings, clock.told(compiling))
-    untestable, unseen = not_testable(case, scene.batch)
+    untestable, unseen = not_testable(case, begun.batch)
     steps = select(
         base,
         executor,
         lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-        without=unseen,
+        without=unseen | frozenset(idle_effects() if begun.imposed else ()),
         barred=frozenset(untestable),
     )
     clock.stage("naming")
@@ -149,8 +125,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     experiments, not_designed = _experiments(steps, progress)
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
-    recordings = case.fit_recordings + case.holdout_recordings
-    fits = recording_fits(recordings, scene, base_view, extended_view, base.judgement.drive)
+    fits = recording_fits(begun.recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -164,7 +139,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         extended=extended,
         recordings=fits,
         candidates=candidates(steps, units, untestable),
-        warnings=_warnings(case, base_parameters, message_of(base), start.notes + not_designed),
+        warnings=_warnings(case, base_parameters, message_of(base), begun.notes + not_designed),
         seconds=clock.told(compiling),
         within=located.within,
     )
@@ -179,6 +154,11 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
     silent_effects = [effect.silenced() for effect in final.judgement.drive.effects]
     structure = base.judgement.drive.with_effects(*silent_effects)
     return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
+
+
+def _base_alone(case: Case, executor: Executor) -> Model:
+    """The base model of a changed case."""
+    return base_of(begin(case), executor, silent, known_inertia=case.plant.inertia is not None)
 
 
 class _Stages:
@@ -199,8 +179,12 @@ class _Stages:
 
 
 def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, floor: np.ndarray) -> Located:
-    motion = Motion(np.asarray(scene.batch.x), seen.v, seen.bend, np.asarray(scene.batch.u))
-    return locate(seen, extended, axes_of(motion, base, plant, scene), scene, floor)
+    batch = scene.batch
+    inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
+    axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
+    if not isinstance(batch, Batch):
+        axes = tuple(axis for axis in axes if axis.name != "input")
+    return locate(seen, extended, axes, scene, floor)
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
@@ -318,6 +302,4 @@ def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[
         warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
     if message:
         warnings.append(f"Base fit: {message}")
-    if case.plant.motor_constant is None:
-        warnings.append("The motor constant is unknown: every force is per input unit.")
     return tuple(dict.fromkeys(warnings))

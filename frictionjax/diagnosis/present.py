@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.diagnosis.imposed import errors_with_effect
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import LANES, Joint, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power
@@ -30,7 +32,8 @@ class Present(eqx.Module):
     """The model to which effects are added, before the fitted recordings alone.
 
     **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `weighings` (one for each knee),
-    `misfit`, `motion` (what it knows along the observed motion, arrays of shape `(r, n)`).
+    `misfit`, `motion` (what it knows along the observed motion, arrays of shape `(r, n)`; None where the motion is
+    imposed).
     """
 
     joint: Joint
@@ -38,11 +41,14 @@ class Present(eqx.Module):
     e: Float[Array, "r n"]
     weighings: tuple[Weighing, ...]
     misfit: float
-    motion: Along
+    motion: Along | None
 
     def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
         """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
-        whose signals along the observed motion are injected; shape `(k, r, n)`."""
+        whose signals along the observed motion are injected; shape `(k, r, n)`. Where the motion is imposed the model
+        with the effect is run as it is."""
+        if self.motion is None:
+            return errors_with_effect(joints, vectors)
         old, more = len(self.joint.layout), len(joints[0].layout)
         drive, batch, found = self.joint.drive(self.vector), self.joint.batch, []
         for first in range(0, len(vectors), LANES):
@@ -167,6 +173,7 @@ def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
         weight, base, *small = _weighing(jnp.asarray(power), jnp.asarray(knee), e, jacobian, joint.setting)
         weighings.append(Weighing(weight, base, *(np.asarray(part) for part in small)))
     gains, count = joint.setting.gains, len(joint.layout)
-    motion = _motion(joint.drive(vector), vector[count:], joint.batch, gains)
+    imposed = isinstance(joint.batch, ImposedBatch)
+    motion = None if imposed else _motion(joint.drive(vector), vector[count:], joint.batch, gains)
     misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
     return Present(joint, vector, e, tuple(weighings), misfit, motion)

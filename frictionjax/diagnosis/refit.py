@@ -3,11 +3,13 @@
 from concurrent.futures import Executor
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.resonance import Pair
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
 from frictionjax.physics.effects import AbstractLoadEffect
@@ -16,6 +18,10 @@ _LEFT = 0.5  # part of the present misfit: when all refits leave more of it, the
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
 _NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
 _KIN = 3  # effects that are easily taken for the leader and are refitted with it
+_EASE = (
+    0.1  # of the power that a model leaves: errors below it do not count while nothing comes near the noise
+)
+_EASED = 0.3  # logarithm of a change of the noise that is worth a refit
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -138,12 +144,14 @@ def refit_all(
     - `pair`: antiresonance and resonance in the data, where they show any.
     """
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
+    graduate = isinstance(model.joint.batch, ImposedBatch)
 
     def begin(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
-        return joint, descend(joint, vector, graduate=False, steps=12, tolerance=0.03)
+        return joint, descend(joint, vector, graduate=graduate, steps=12, tolerance=0.03)
 
     def again(trial: Trial, begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
@@ -183,3 +191,23 @@ def polish(candidate: Refitted) -> Refitted:
     model = candidate.model
     fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
     return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
+
+
+def ease(model: Model) -> Model:
+    """The same model, refitted where it is far from the noise of an imposed motion's force: errors are then weighed
+    against a third of what it leaves in the middle one of the blocks, and a step of the selection sees which candidate
+    takes off most of them.
+
+    Against the noise the cost of a block is the logarithm of its error. A model that is everywhere fifty times worse
+    would be fitted to the blocks in which its error happens to pass through zero.
+    """
+    batch = model.joint.batch
+    if not isinstance(batch, ImposedBatch):
+        return model
+    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted)[:, None] > 0)
+    wanted = max(np.sqrt(_EASE * float(np.median(model.judgement.power[scored]))), 1.0)
+    if abs(np.log(wanted / float(batch.ease[0]))) < _EASED:
+        return model
+    joint = eqx.tree_at(lambda j: j.setting.batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
+    fitted = descend(joint, model.fitted.vector, graduate=False)
+    return Model(joint, fitted, judge(joint, fitted))

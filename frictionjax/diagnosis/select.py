@@ -12,9 +12,19 @@ from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force
 from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import present_model
-from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, polish, refit_all, short_list
+from frictionjax.diagnosis.refit import (
+    Compared,
+    Model,
+    Refitted,
+    compare,
+    ease,
+    polish,
+    refit_all,
+    short_list,
+)
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.wavelengths import wavelengths
+from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
 from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
@@ -146,10 +156,13 @@ def select(
     - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     """
+    model = ease(model)
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     answer = answer_to_force(model.joint, model.fitted.vector)
     joint = model.joint
-    pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
+    pair = None
+    if isinstance(joint.batch, Batch):
+        pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
     steps: list[Step] = []
     for number in range(_ROUNDS):
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
@@ -161,10 +174,10 @@ def select(
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = refit_all(chosen, model, scales, executor, pair)
         model = _better_base(model, refits)
-        ones = np.ones((1, 1))
-        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, ones).worth)
+        least = model.joint.batch.eased[:, None]
+        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, least).worth)
         refits[:2] = executor.map(polish, refits[:2])
-        step = weigh(model, trials, refits, answer)
+        step = _settled(weigh(model, trials, refits, answer))
         steps.append(step)
         if step.accepted is None:
             break
@@ -179,7 +192,8 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
     """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
     force = min(force_noise(power, answer, model.joint) for power in powers)
-    floor = floor_of(force, answer)
+    # Errors that do not count in the fits do not count here either.
+    floor = np.maximum(floor_of(force, answer), model.joint.batch.eased[:, None])
     compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
     ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
     p_values = effect_p_values(trials)
@@ -212,6 +226,18 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _settled(step: Step) -> Step:
+    """The same step, with the model that was accepted weighed against what it leaves itself."""
+    if step.accepted is None:
+        return step
+    eased = ease(step.accepted.model)
+    if eased is step.accepted.model:
+        return step
+    accepted = Refitted(step.accepted.trial, eased)
+    refits = [accepted if r is step.accepted else r for r in step.refits]
+    return eqx.tree_at(lambda s: (s.accepted, s.refits), step, (accepted, refits))
 
 
 def _free(refitted: Refitted) -> int:

@@ -15,7 +15,7 @@ from frictionjax.recordings import Case
 REASON = "not tested: the base fit is not credible"
 SUMMARY = "Nothing was diagnosed: the base model could not be fitted to these recordings."
 
-Refit = Callable[[Case], tuple[Model, Scene]]
+Refit = Callable[[Case], Model]
 """Fits the base model to a case."""
 
 
@@ -37,7 +37,7 @@ def what_to_check(found: Credibility, case: Case, refit: Refit) -> str:
         "Nothing was tested or named."
     )
     for changed, cure in _mistakes(case):
-        model, _ = refit(changed)
+        model = refit(changed)
         if credibility(model).credible:
             return f"{said} {cure(model)}"
     names = [case.fit_recordings[row].name for row in found.failed]

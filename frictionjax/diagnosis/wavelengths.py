@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import find_peaks
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch
 
 _FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
 _SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with the observer's own dynamics
@@ -13,7 +13,7 @@ _SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with 
 def wavelengths(
     innovation: np.ndarray,
     speed: np.ndarray,
-    batch: Batch,
+    batch: AbstractBatch,
     *,
     odd: bool,
     count: int = 3,

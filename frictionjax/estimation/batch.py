@@ -1,5 +1,7 @@
 """Recordings side by side: padded to one length, with masks, noise levels and starting states."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -14,12 +16,45 @@ BLOCK = 0.05
 """Length of a block, s: the likelihood counts blocks, so that one break-away cannot outvote all else."""
 
 
-class Batch(eqx.Module):
-    """`r` recordings padded to `n` samples (`n` a whole number of blocks).
+class AbstractBatch(eqx.Module):
+    """`r` recordings padded to `n` samples (`n` a whole number of blocks), whatever was applied and what answered.
 
-    **Attributes:** `u`, `x` (input and position units), `valid` (1 where scored, else 0), shape `(r, n)`;
-    `dt` (s), `noise` (standard deviation of the position noise), `x0`, `v0`, shape `(r,)`; `block` (samples per
-    block); `lengths` (samples of each recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`).
+    **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
+    deviation of the noise of the answer), shape `(r,)`; `block` (samples per block); `lengths` (samples of each
+    recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`).
+    """
+
+    x: eqx.AbstractVar[Float[Array, "r n"]]
+    valid: eqx.AbstractVar[Float[Array, "r n"]]
+    dt: eqx.AbstractVar[Float[Array, " r"]]
+    noise: eqx.AbstractVar[Float[Array, " r"]]
+    block: eqx.AbstractVar[int]
+    lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
+    before: eqx.AbstractVar[Before]
+
+    def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
+        """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
+        shape = (*squares.shape[:-1], -1, self.block)
+        weight = self.valid.reshape(shape)
+        total = jnp.sum(squares.reshape(shape) * weight, axis=-1)
+        return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
+
+    @property
+    def eased(self) -> Float[np.ndarray, " r"]:
+        """Factor that brings the power of the standardised errors to multiples of that of the noise, shape `(r,)`."""
+        return np.ones(self.x.shape[0])
+
+    @property
+    def block_count(self) -> Float[Array, "r b"]:
+        """Scored samples in each block, shape `(r, n / block)`."""
+        return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+
+
+class Batch(AbstractBatch):
+    """Recordings of an applied input and of the position that answers.
+
+    **Attributes:** beside those of every batch `u` (input units), shape `(r, n)`, and position and velocity at the
+    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position.
     """
 
     u: Float[Array, "r n"]
@@ -33,39 +68,31 @@ class Batch(eqx.Module):
     lengths: Int[np.ndarray, " r"]
     before: Before
 
-    def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
-        """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
-        shape = (*squares.shape[:-1], -1, self.block)
-        weight = self.valid.reshape(shape)
-        total = jnp.sum(squares.reshape(shape) * weight, axis=-1)
-        return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
 
-    @property
-    def block_count(self) -> Float[Array, "r b"]:
-        """Scored samples in each block, shape `(r, n / block)`."""
-        return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+def white_level(values: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of the white noise of `values`, in their unit, from fourth differences.
+
+    `std(diff(values, 4)) / sqrt(70)` is blind to smooth motion; its median over short stretches is blind to impacts.
+    """
+    differences = np.diff(values, 4)
+    stretch = min(max(differences.size // 200, 50), differences.size)
+    usable = differences[: differences.size // stretch * stretch].reshape(-1, stretch)
+    # Fourth differences of white noise are correlated: a stretch holds stretch / 2.626 free ones, and the median of a
+    # chi-square with that many degrees of freedom is a little below its mean (Wilson and Hilferty).
+    below = (1.0 - 2.0 / (9.0 * stretch / 2.626)) ** 3
+    return float(np.sqrt(np.median(np.mean(usable**2, axis=1)) / 70.0 / below))
 
 
 def noise_level(recording: Recording, encoder_step: float | None = None) -> float:
-    """Standard deviation of the position noise, position units, from fourth differences.
-
-    `std(diff(x, 4)) / sqrt(70)` is blind to smooth motion; its median over short stretches is blind to impacts.
-    Not below what the quantisation alone leaves, step / sqrt(12).
-    """
-    differences = np.diff(recording.x, 4)
-    stretch = max(differences.size // 200, 50)
-    usable = differences[: differences.size // stretch * stretch].reshape(-1, stretch)
+    """Standard deviation of the position noise, position units: its `white_level`, but not below what the quantisation
+    alone leaves, step / sqrt(12)."""
     if encoder_step is None:
         jumps = np.abs(np.diff(recording.x))
         jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
         encoder_step = float(np.min(jumps)) if jumps.size else 0.0
-    # Fourth differences of white noise are correlated: a stretch holds stretch / 2.626 free ones, and the median of a
-    # chi-square with that many degrees of freedom is a little below its mean (Wilson and Hilferty).
-    below = (1.0 - 2.0 / (9.0 * stretch / 2.626)) ** 3
-    level = float(np.sqrt(np.median(np.mean(usable**2, axis=1)) / 70.0 / below))
     # A machine that never moves, under an encoder of unknown step, shows neither noise nor step.
     smallest = max(1e-9 * float(np.max(np.abs(recording.x))), 1e-12)
-    return max(level, encoder_step / np.sqrt(12.0)) or smallest
+    return max(white_level(recording.x), encoder_step / np.sqrt(12.0)) or smallest
 
 
 def least_samples(sample_rate: float) -> int:
@@ -122,6 +149,20 @@ def _path(x: np.ndarray) -> float:
     return float(np.sum(np.abs(np.diff(x[:: max(x.size // 200, 1)]))))
 
 
+def block_of(recordings: tuple[Recording, ...]) -> int:
+    """Samples in a block of the `recordings`."""
+    return max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
+
+
+def side_by_side(channels: Sequence[np.ndarray], block: int) -> Float[np.ndarray, "r n"]:
+    """One channel of each recording, padded to one length, a whole number of blocks of `block` samples.
+
+    Padding repeats the last value: finite, at rest, and to be masked (NaN would poison derivatives).
+    """
+    padded = -(-max(channel.size for channel in channels) // block) * block
+    return np.stack([np.pad(channel, (0, padded - channel.size), mode="edge") for channel in channels])
+
+
 def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
     """Put force-driven `recordings` side by side in a `Batch`.
 
@@ -133,15 +174,9 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
                 f"Recording `{recording.name}` has {recording.x.size} samples; at {recording.sample_rate:g} Hz "
                 f"{least_samples(recording.sample_rate)} are the least: leave it out."
             )
-    block = max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
-    longest = max(r.x.size for r in recordings)
-    padded = -(-longest // block) * block
-
-    def pad(values: np.ndarray) -> np.ndarray:
-        # Padding repeats the last value: finite, at rest, and masked (NaN would poison derivatives).
-        return np.pad(values, (0, padded - values.size), mode="edge")
-
-    valid = np.zeros((len(recordings), padded))
+    block = block_of(recordings)
+    x = side_by_side([r.x for r in recordings], block)
+    valid = np.zeros(x.shape)
     x0, v0 = [], []
     for row, recording in enumerate(recordings):
         valid[row, round(_SETTLING * recording.sample_rate) : recording.x.size] = 1.0
@@ -161,8 +196,8 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         for r, x, v in zip(recordings, x0, v0, strict=True)
     ]
     return Batch(
-        u=jnp.asarray(np.stack([pad(r.u) for r in recordings])),
-        x=jnp.asarray(np.stack([pad(r.x) for r in recordings])),
+        u=jnp.asarray(side_by_side([r.u for r in recordings], block)),
+        x=jnp.asarray(x),
         valid=jnp.asarray(valid),
         dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
         noise=jnp.asarray(noise),

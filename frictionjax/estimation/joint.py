@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch, Batch
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
@@ -111,8 +112,10 @@ def _errors_and_columns(layout, vector, setting: Setting, most):
     return _told_jacobian(layout, vector, setting, most)
 
 
-def _most(batch: Batch, gains: Gains) -> Float[Array, " r"]:
-    """The most that a derivative may be in each recording."""
+def _most(batch: AbstractBatch, gains: Gains) -> Float[Array, " r"]:
+    """The most that a derivative may be in each recording. An imposed motion is what it is, whatever the model."""
+    if not isinstance(batch, Batch):
+        return jnp.full(batch.dt.shape, jnp.inf)
     return jnp.asarray(_EXPLODED * np.max(np.abs(innovations_without_model(batch, gains)), axis=1))
 
 
@@ -130,7 +133,7 @@ class Joint(eqx.Module):
     most: Float[Array, " r"]
 
     @property
-    def batch(self) -> Batch:
+    def batch(self) -> AbstractBatch:
         """The recordings."""
         return self.setting.batch
 
@@ -189,13 +192,15 @@ class Joint(eqx.Module):
         return unpack(self.layout, self.setting.drive, vector[:count], self.setting.start[:count])
 
 
-def losses_of(power: Float[np.ndarray, "r b"], batch: Batch, floor: float | np.ndarray = 1.0) -> np.ndarray:
+def losses_of(
+    power: Float[np.ndarray, "r b"], batch: AbstractBatch, floor: float | np.ndarray = 1.0
+) -> np.ndarray:
     """Log-likelihood loss of each block against the power `floor`, shape `(r, b)`; large where not finite."""
     power = np.nan_to_num(np.asarray(power), nan=1e30, posinf=1e30)
     return 0.5 * np.asarray(batch.block_count) * np.log((power + floor) / (2.0 * floor))
 
 
-def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -> float:
+def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: AbstractBatch) -> float:
     """Robust misfit per sample of the recordings `rows` (weights, shape `(r,)`)."""
     if not np.all(np.isfinite(power)):
         return float("inf")
@@ -205,7 +210,7 @@ def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: Batch) -
 
 def make_joint(
     drive: Drive,
-    batch: Batch,
+    batch: AbstractBatch,
     held_out: np.ndarray,
     *,
     scales: dict[str, float] | None = None,
@@ -218,11 +223,12 @@ def make_joint(
     - `drive`: structure and start.
     - `batch`: the recordings; `held_out` (bool, shape `(r,)`) tells which are kept aside.
     - `scales`: the plant's own sizes by name, for the effects' scales.
-    - `known_inertia`: keep J.
+    - `known_inertia`: keep J; where all motion is imposed it does not act, and is kept in any case.
     """
-    dt = float(jnp.max(batch.dt))
-    layout = base_layout(drive, dt, known_inertia=known_inertia) + effect_layout(drive, scales or {})
-    recordings = batch.u.shape[0]
+    dt, imposed = float(jnp.max(batch.dt)), isinstance(batch, ImposedBatch)
+    layout = base_layout(drive, dt, known_inertia=known_inertia or imposed, imposed=imposed)
+    layout += effect_layout(drive, scales or {})
+    recordings = batch.x.shape[0]
     start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
     prior = weak_prior(layout, recordings)
     setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)

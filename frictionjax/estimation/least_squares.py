@@ -10,7 +10,7 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.loss import AbstractLoss
 from frictionjax.estimation.parameters import Free, unpack
 from frictionjax.estimation.residuals import standardised
@@ -30,7 +30,7 @@ class Setting(eqx.Module):
     """
 
     drive: Drive
-    batch: Batch
+    batch: AbstractBatch
     gains: Gains
     weight: Float[Array, "r n"]
     start: Float[Array, " q"]

@@ -1,28 +1,45 @@
-"""Standardised innovations of a whole batch."""
+"""Standardised prediction errors of a whole batch: innovations, or errors of the force under an imposed motion."""
 
 import jax
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch, Batch
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.simulation import Gains, innovation_gain, innovations
 
 
 def standardised(
-    drive: Drive, z0: Float[Array, " r"], batch: Batch, gains: Gains, *, substeps: int = 1
+    drive: Drive,
+    z0: Float[Array, " r"],
+    batch: AbstractBatch,
+    gains: Gains,
+    *,
+    substeps: int = 1,
 ) -> Float[Array, "r n"]:
-    """Innovations over what the noise alone makes of them: 1 in the mean square for a perfect model, at any sample
-    rate; 0 where not scored. Shape `(r, n)`.
+    """Prediction errors over what the noise alone makes of them: 1 in the mean square for a perfect model, at any
+    sample rate; 0 where not scored. Shape `(r, n)`.
+
+    Of a `Batch` they are the innovations of an observer; of an `ImposedBatch` measured less modelled force, with no
+    observer: the states follow the imposed motion.
 
     **Arguments:**
 
     - `drive`: the `Drive`.
     - `z0`: bristle deflection at the first sample over the break-away deflection Fs/sigma0, shape `(r,)`.
-    - `batch`: the `Batch`.
-    - `gains`: observer gains, one per recording, shape `(r,)`.
-    - `substeps`: integration steps per sample.
+    - `batch`: the recordings.
+    - `gains`: observer gains, one per recording, shape `(r,)`; without meaning for an `ImposedBatch`.
+    - `substeps`: integration steps per sample of the observer.
     """
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
+    if isinstance(batch, ImposedBatch):
+        errors = batch.force - batch.run(drive, deflection)[2]
+        return errors / (batch.ease * batch.noise)[:, None] * batch.valid
+    return _innovations(drive, deflection, batch, gains, substeps)
+
+
+def _innovations(drive: Drive, deflection, batch, gains: Gains, substeps: int):
+    assert isinstance(batch, Batch)
 
     def one(u, x, dt, position_gain, velocity_gain, x0, v0, z, before):
         return innovations(
@@ -49,6 +66,6 @@ def standardised(
     return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 
 
-def block_power(e: Float[Array, "r n"], batch: Batch) -> Float[Array, "r b"]:
-    """Mean square of the standardised innovations in each block, shape `(r, b)`."""
+def block_power(e: Float[Array, "r n"], batch: AbstractBatch) -> Float[Array, "r b"]:
+    """Mean square of the standardised errors in each block, shape `(r, b)`."""
     return batch.block_mean(e * e)

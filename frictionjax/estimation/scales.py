@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.batch import AbstractBatch, Batch
 from frictionjax.estimation.evidence import Forces
 from frictionjax.physics import Drive
 
 _TINY = 1e-100  # its cube is still a number
 
 
-def plant_scales(drive: Drive, batch: Batch | Forces) -> dict[str, float]:
+def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float]:
     """Sizes by the names that `Parameter.scale` may use.
 
     **Arguments:**

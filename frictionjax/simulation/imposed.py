@@ -159,8 +159,19 @@ def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
     return _Step(h, x, v, going, level, _slips_at(drive, level))
 
 
-def _run(drive: Drive, x, dt, z0, v, substeps: int):
-    """Velocity, deflections and friction force at every sample."""
+def run_imposed(
+    drive: Drive,
+    x: Float[Array, " n"],
+    dt: float | Float[Array, ""],
+    z0: float | Float[Array, ""],
+    *,
+    v: Float[Array, " n"] | None = None,
+    substeps: int = 1,
+    earlier: Before | None = None,
+) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
+    """Velocity, deflections and friction force of `drive` at every sample of an imposed motion, for use inside compiled
+    functions. Arguments as in `imposed_friction`."""
+    x, dt, z0, v = real(x), real(dt), real(z0), None if v is None else real(v)
     bristles = drive.bristles()
     before, after = _limits(x, v, dt)
 
@@ -196,7 +207,7 @@ def _run(drive: Drive, x, dt, z0, v, substeps: int):
         step = levelled(step, [(z, hidden), (guess, later)])
         return (_bent(drive, bristles, z, 0.5 * h * (w0 + w1), step), later), state
 
-    hidden0 = drive.first_states(Before())[: drive.state_count]
+    hidden0 = drive.first_states(Before() if earlier is None else earlier)[: drive.state_count]
     first = (z0 * jnp.ones(drive.bristle_count), hidden0)
     last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))
     run = jax.tree.map(lambda part, end: jnp.concatenate([part[:: 2 * substeps], end[None]]), run, last)
@@ -217,22 +228,23 @@ def imposed_friction(
     *,
     v: Float[Array, " n"] | None = None,
     substeps: int = 1,
+    earlier: Before | None = None,
 ) -> Float[Array, " n"]:
     """Friction force of `drive` at the samples of an imposed motion, for use inside compiled functions.
 
     One scan of fixed length: differentiable by the parameters and by `z0`, and works under vmap. Nothing is checked.
 
     **Arguments:** `drive`, `x` (shape `(n,)`, n at least 2), `z0`, `v` and `substeps` as in `simulate_imposed`; `dt`: s
-    per sample.
+    per sample; `earlier`: what came before the first sample, None: power-on and a rest of 1 s.
 
     **Returns:** The opposing force, shape `(n,)`, force units.
     """
-    return _run(drive, real(x), real(dt), real(z0), None if v is None else real(v), substeps)[2]
+    return run_imposed(drive, x, dt, z0, v=v, substeps=substeps, earlier=earlier)[2]
 
 
 @eqx.filter_jit
 def _simulate_imposed(drive, x, dt, z0, v, substeps):
-    v, z, friction = _run(drive, x, dt, z0, v, substeps)
+    v, z, friction = run_imposed(drive, x, dt, z0, v=v, substeps=substeps)
     return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, substeps)
 
 

@@ -22,7 +22,7 @@ class About(eqx.Module):
     **Attributes:** `sentence` (what it is), `equation`, `shows` (where it shows), `confused_with` (names of
     effects with a similar fingerprint), `split_by` (the experiment that tells it from those), `source`, `needs` (what
     recordings must hold to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`, `"clock"`,
-    `"angle"`).
+    `"angle"`, `"motor force"`).
     """
 
     sentence: str = eqx.field(static=True)

@@ -30,6 +30,7 @@ class LoadDependence(AbstractLevelEffect):
         confused_with=("nonlinear_bristle", "elasto_plastic", "drive_saturation"),
         split_by="the same slow moves with and without an external load",
         source="Hamon, Gautier, Janot 2010; Duclusaud, Passault et al. 2024",
+        needs=("motor force",),
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("growth", "1", "friction per transmitted force", lower=0.0, upper=0.9, probes=(0.01, 0.15)),

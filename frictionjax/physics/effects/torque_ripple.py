@@ -32,6 +32,7 @@ class TorqueRipple(AbstractForceEffect):
         shows="a wave along the stroke that grows with the input",
         confused_with=("ripple", "position_dependence", "warmup"),
         split_by="moves over several periods with different accelerations: it goes with the input, not with friction",
+        needs=("motor force",),
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "1", "sine part", lower=-0.9, upper=0.9, probes=(0.02,)),
