@@ -170,7 +170,7 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, fl
     inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
     axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
     if not isinstance(batch, Batch):
-        axes.pop("input")
+        axes = tuple(axis for axis in axes if axis.name != "input")
     return locate(seen, extended, axes, scene, floor)
 
 
