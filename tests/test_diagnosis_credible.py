@@ -8,7 +8,7 @@ from helpers_estimation import PLANT, base_fit, small_case
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
-from frictionjax.diagnosis.base_fit import start_of
+from frictionjax.diagnosis.begin import begin
 from frictionjax.diagnosis.credible import Credibility, credibility
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.no_model import innovations_without_model
@@ -25,7 +25,7 @@ def with_input(case, change):
 
 def fitted(case):
     """Its base fit."""
-    return base_fit(start_of(case).drives, case.fit_recordings + case.holdout_recordings)
+    return base_fit(begin(case).start.drives, case.fit_recordings + case.holdout_recordings)
 
 
 def test_a_good_base_fit_is_credible_and_that_of_a_reversed_input_is_not():
