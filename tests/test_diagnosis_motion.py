@@ -156,7 +156,8 @@ def test_the_held_out_force_error_falls_to_the_noise(slipping):
 @pytest.mark.slow
 def test_the_map_has_no_input_and_says_what_is_mended(slipping):
     axes = {cell.axis for cell in slipping.mismatch}
-    assert axes == {"regime", "direction", "velocity", "position", "since_reversal", "time", "frequency"}
+    assert axes >= {"regime", "direction", "velocity", "position", "since_reversal", "time", "frequency"}
+    assert "input" not in axes
     assert max(cell.excess for cell in slipping.mismatch) > 10.0
     for cell in slipping.mismatch:
         if cell.axis == "time":

@@ -281,16 +281,6 @@ def _recording(name, **more):
     return Recording(name, 1000.0, *([np.zeros(300)] * 2), **more)
 
 
-def test_motion_driven_recordings_are_refused_with_a_cure():
-    case = _case(_recording("a"), _recording("b", drive="motion"), _recording("c", role="holdout"))
-    with pytest.raises(InputError) as caught:
-        diagnose(case)
-    assert str(caught.value) == (
-        'bench: recordings with drive = "motion" (b) are read, but not diagnosed yet. '
-        "leave them out of the case; recordings of input and position can be diagnosed."
-    )
-
-
 def test_a_recording_too_short_to_be_scored_is_refused_with_a_cure():
     short = Recording("b", 1000.0, np.zeros(150), np.zeros(150))
     with pytest.raises(InputError, match=r"bench, recording b: 150 samples are too few.*at least 200"):

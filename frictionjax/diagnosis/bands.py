@@ -51,6 +51,8 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
         q = np.exp(-2j * np.pi * frequency * dt)
         seen = np.abs(1.0 - np.exp(-2.0 * np.pi * min(scene.bandwidth, 0.1 / dt) * dt) * q) ** -4.0
         sensor = np.abs(1.0 - q) ** 4 * seen
+        if scene.bandwidth == 0.0:  # no observer: all noise of an imposed motion's force is white
+            seen = sensor = np.ones(frequency.size)
         part = float(np.mean(1.0 / floor[row, :length]))
         mixed = part * sensor / sensor.mean() + (1.0 - part) * seen / seen.mean()
         band = np.digitize(frequency, _EDGES) - 1

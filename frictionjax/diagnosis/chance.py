@@ -58,9 +58,10 @@ def statistic_of(power: np.ndarray, own: np.ndarray, spread: np.ndarray) -> np.n
 
 
 class _Seen(eqx.Module):
-    """How one recording's observer sees noise: its filter's `poles`, the `gain` of the sensor's noise and of a white
-    force on a free mass."""
+    """How one recording's observer sees noise: its filter's `zeros` for the sensor's noise and its `poles`, the `gain`
+    of the sensor's noise and of a white force on a free mass."""
 
+    zeros: np.ndarray
     poles: np.ndarray
     sensor_gain: float
     force_gain: float
@@ -78,7 +79,7 @@ def draw_innovations(
         seen = _seen(min(scene.bandwidth, 0.1 / dt), dt)
         noise = rng.standard_normal((count, length), np.float32)
         levels = np.array([noise_level(Recording("", 1.0 / dt, lane, lane)) for lane in noise], np.float32)
-        zeros = np.array([1.0, -2.0, 1.0], np.float32) / np.float32(seen.sensor_gain)
+        zeros = seen.zeros / np.float32(seen.sensor_gain)
         e = lfilter(zeros, seen.poles, noise) / levels[:, None]
         own = floor[row, :length].astype(np.float32)
         if np.any(own > 1.0):
@@ -91,11 +92,18 @@ def draw_innovations(
 
 
 def _seen(bandwidth: float, dt: float) -> _Seen:
+    if bandwidth == 0.0:  # no observer: the errors of an imposed motion's force are its noise as it is
+        return _Seen(np.ones(1, np.float32), np.ones(1, np.float32), 1.0, 1.0)
     pole = float(np.exp(-2.0 * np.pi * bandwidth * dt))
     poles = np.array([1.0, -2.0 * pole, pole**2], np.float32)
     # The norm of 1/(1 - p q)^2, from force to innovation.
     norm = float(np.sqrt((1.0 + pole**2) / (1.0 - pole**2) ** 3))
-    return _Seen(poles, float(innovation_gain(observer_gains(bandwidth, dt))), norm)
+    return _Seen(
+        np.array([1.0, -2.0, 1.0], np.float32),
+        poles,
+        float(innovation_gain(observer_gains(bandwidth, dt))),
+        norm,
+    )
 
 
 def chance_of(
