@@ -122,7 +122,7 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
                 model,
                 try_catalogue(model, scales, executor, without - frozenset(job["missing"]), pair),
             )
-        return [trial for trial in tested[id(model)][1] if trial.effect not in without]
+        return [[trial for trial in some if trial.effect not in without] for some in tested[id(model)][1]]
 
     def watched(*arguments, without=frozenset(), **options):
         kept["steps"] = select(*arguments, without=without | frozenset(job["without"]), **options)

@@ -28,7 +28,7 @@ NAMES = [
     *("nonlinear_bristle", "position_dependence", "quadratic_drag", "return_spring", "ripple", "sensor_lag"),
     *("stribeck_shape", "torque_ripple", "viscoelastic_damping", "warmup"),
 ]
-NEEDS = {"sliding", "presliding", "rest", "both directions", "clock", "angle"}
+NEEDS = {"sliding", "presliding", "rest", "both directions", "clock", "angle", "temperature", "motor force"}
 
 
 def test_the_catalogue_finds_every_effect():
@@ -204,17 +204,16 @@ def test_force_of_steady_sliding_is_the_closed_form(form):
     assert float(jnp.max(jnp.abs(rate))) < 1e-13  # sliding is steady: no bristle bends further
 
 
-@pytest.mark.parametrize("hardening", [-0.12, 0.0, 0.8])
+@pytest.mark.parametrize("hardening", [-0.39, -0.12, 0.0, 0.8])
 def test_a_nonlinear_bristle_slides_at_the_same_level_bent_less_or_more(hardening):
-    """Closed form: sigma0 z (1 + hardening (sigma0 z/Fs)^2) = G, a cubic in z."""
+    """Closed form: sigma0 z (1 + hardening (sigma0 z/Fs)^2) = G, a cubic in z; over a root where softer."""
     drive = TABLE_I.with_effects(effect("NonlinearBristle", hardening=hardening))
     for v in (-0.05, 4e-4, 0.2):
-        roots = (
-            np.roots([hardening * (S0 / FS) ** 2, 0.0, 1.0, -_level(v) / S0])
-            if hardening
-            else [_level(v) / S0]
-        )
-        z = min(float(np.real(r)) for r in roots if abs(np.imag(r)) < 1e-9 and np.real(r) > 0.0)
+        if hardening > 0.0:
+            roots = np.roots([hardening * (S0 / FS) ** 2, 0.0, 1.0, -_level(v) / S0])
+            z = min(float(np.real(r)) for r in roots if abs(np.imag(r)) < 1e-9 and np.real(r) > 0.0)
+        else:
+            z = _level(v) / S0 / np.sqrt(1.0 + 2.0 * hardening * (_level(v) / FS) ** 2)
         bent = jnp.asarray([np.sign(v) * z])
         force, rate = drive.friction_force(drive.bristles(), jnp.zeros(()), jnp.asarray(v), bent, H)
         assert float(force) == pytest.approx(np.sign(v) * _level(v) + S2 * v, rel=1e-9)

@@ -17,7 +17,7 @@ from frictionjax.physics.effects import AbstractLoadEffect
 _LEFT = 0.5  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
 _NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
-_KIN = 3  # effects that are easily taken for the leader and are refitted with it
+_KIN = 2  # effects that are easily taken for the leader and are refitted with it, in all their forms
 _EASE = (
     0.1  # of the power that a model leaves: errors below it do not count while nothing comes near the noise
 )
@@ -106,14 +106,17 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
         return [t for t in promising if t.linear_gain > least_gain][:most] if far else []
     kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
     linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
-    # What is easily taken for the leader may be the truth although its first step gains less.
+    # What is easily taken for the leader may be the truth although its first step gains less: with all its forms, for
+    # the step of one may be a mirage where that of the other is none.
     lead = best[0].form
-    kin = [
-        t
+    alike = [
+        t.effect
         for t in best
         if (t.effect in lead.about.confused_with or lead.name in t.form.about.confused_with)
         and t.linear_gain > least_gain
-    ][:_KIN]
+    ]
+    near = list(dict.fromkeys([lead.name, *alike]))[: 1 + _KIN]
+    kin = [t for t in best if t.effect in near and t.linear_gain > least_gain]
     chosen: list[Trial] = []
     for trial in kept + linear + kin:
         if np.isfinite(trial.gain) and not any(trial is one for one in chosen):
@@ -178,12 +181,13 @@ def refit_all(
     if min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR:
         begun = list(executor.map(again, trials, begun))
     gains = np.array([present - found.misfit for _, found in begun])
-    near = [
-        pair
-        for pair, gain in zip(zip(trials, begun, strict=True), gains, strict=True)
-        if gain > _NEAR * gains.max()
-    ]
-    return list(executor.map(finish, near))
+    # A form may have begun from two places: the better end goes on.
+    ends: dict[str, tuple[float, Trial, tuple[Joint, Fitted]]] = {}
+    for trial, end, gain in zip(trials, begun, gains, strict=True):
+        form = type(trial.form).__name__
+        if gain > _NEAR * gains.max() and (form not in ends or gain > ends[form][0]):
+            ends[form] = gain, trial, end
+    return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
 
 
 def polish(candidate: Refitted) -> Refitted:

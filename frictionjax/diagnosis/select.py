@@ -11,7 +11,7 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
 from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
-from frictionjax.diagnosis.present import present_model
+from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
     Compared,
     Model,
@@ -26,7 +26,7 @@ from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
-from frictionjax.estimation.robust_fit import descend
+from frictionjax.estimation.robust_fit import descend, level_out
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, catalogue
 
@@ -49,6 +49,7 @@ SIGNIFICANCE = 1e-3
 _LEADS = 4.0, 2.0
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
+_LEVELLED = 0.2  # misfit above which a model may have given up a whole regime
 _BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
 _ALIKE = 0.03  # of the sum of the explained shares
 
@@ -78,11 +79,15 @@ def try_catalogue(
     executor: Executor,
     without: frozenset[str],
     pair: Pair | None = None,
-) -> list[Trial]:
+) -> list[list[Trial]]:
     """Every form of every effect of the catalogue, except those in the model and those named in `without` (effects or
-    forms), at every point of its grid; second inertias at the antiresonance of the `pair`, too."""
-    present = present_model(model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector)
-    batch = present.joint.batch
+    forms), at every point of its grid; second inertias at the antiresonance of the `pair`, too.
+
+    **Returns:** the trials of the model as it is, and, where it is far from the noise, those of the model where it
+    misses all regimes alike (`level_out`).
+    """
+    presents = _presents(model)
+    present, batch = presents[0], presents[0].joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
     periods = {
@@ -104,8 +109,20 @@ def try_catalogue(
             grid.append(dataclasses.replace(grid[0], frequency=pair.frequency))
         return grid
 
-    found = executor.map(lambda form: try_form(present, instances(form), scales), forms)
-    return [trial for trials in found for trial in trials]
+    found = []
+    for seen in presents:
+        trials = executor.map(lambda form, seen=seen: try_form(seen, instances(form), scales), forms)
+        found.append([trial for some in trials for trial in some])
+    return found
+
+
+def _presents(model: Model) -> list[Present]:
+    """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
+    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    present = present_model(fast, model.fitted.vector)
+    if present.misfit < _LEVELLED or not isinstance(fast.batch, Batch):
+        return [present]
+    return [present, present_model(fast, level_out(fast, model.fitted.vector))]
 
 
 def effect_p_values(trials: list[Trial]) -> dict[str, float]:
@@ -167,10 +184,13 @@ def select(
     for number in range(_ROUNDS):
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
-        trials = try_catalogue(model, scales, executor, without, pair)
+        tried = try_catalogue(model, scales, executor, without, pair)
+        trials = [trial for some in tried for trial in some]
         far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
-        open_to = [trial for trial in trials if trial.effect not in barred]
-        chosen = short_list(open_to, most=5 if number == 0 else 3, least_gain=LEAST_GAIN, far=far)
+        chosen, most = [], 5 if number == 0 else 3
+        for some in tried:
+            open_to = [trial for trial in some if trial.effect not in barred]
+            chosen += short_list(open_to, most=most, least_gain=LEAST_GAIN, far=far)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = refit_all(chosen, model, scales, executor, pair)
         model = _better_base(model, refits)

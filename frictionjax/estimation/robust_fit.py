@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from frictionjax.estimation.joint import Joint, Look, misfit_of
 
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee, in turn
+_LEVEL = 0.95  # quantile of the block powers below which all count alike
 _DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
 _LONGEST = 1.5  # in a coordinate
 
@@ -58,10 +59,8 @@ def descend(
     vector = jnp.asarray(vector)
     look = joint.look(vector)
     if graduate:
-        scored = np.asarray(joint.batch.block_count)[np.asarray(joint.fitted) > 0] > 0
         for quantile in _GRADUATION:
-            power = np.nan_to_num(np.asarray(look.power)[np.asarray(joint.fitted) > 0][scored], nan=1e30)
-            knee = max(float(np.quantile(power, quantile)), 1.0)
+            knee = _knee(joint, look, quantile)
             if knee > 1.2:
                 vector, _ = _walk(joint, vector, joint.look(vector, knee), knee, 4, 0.05)
                 look = joint.look(vector)
@@ -69,6 +68,28 @@ def descend(
     return Fitted(
         vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), rested
     )
+
+
+def level_out(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+    """From `vector` down the cost in which all but the largest blocks count alike, whatever their power.
+
+    The robust cost gives up what it cannot explain: with friction that differs by direction it may explain one of them
+    to the noise and ignore the other. From there no small step leads on; from where both are missed alike one does.
+    """
+    vector = jnp.asarray(vector)
+    knee = _knee(joint, joint.look(vector), _LEVEL)
+    for _ in range(2):  # the knee of the blocks that the new place leaves
+        vector, (look, _) = _walk(joint, vector, joint.look(vector, knee), knee, 8, 0.01)
+        knee = _knee(joint, look, _LEVEL)
+    return vector
+
+
+def _knee(joint: Joint, look: Look, quantile: float) -> float:
+    """That quantile of the powers of the blocks that are fitted, at least that of the noise."""
+    fitted = np.asarray(joint.fitted) > 0
+    scored = np.asarray(joint.batch.block_count)[fitted] > 0
+    power = np.nan_to_num(np.asarray(look.power)[fitted][scored], nan=1e30)
+    return max(float(np.quantile(power, quantile)), 1.0)
 
 
 def _walk(joint: Joint, vector, look: Look, knee: float, steps: int, tolerance: float):

@@ -41,8 +41,8 @@ def elastic(p, z):
         r = z / p.z0
         z = z * (1.0 + p.nl_hard * r * r)
     elif p.nl_soft != 0.0:
-        r = z / p.z0
-        z = z / math.sqrt(1.0 + p.nl_soft * r * r)
+        a = math.sqrt(1.5 * p.nl_soft)
+        z = math.atan(a * z / p.z0) * p.z0 / a
     return p.s0 * z, z
 
 
@@ -56,9 +56,9 @@ def sliding_deflection(p, g):
             r -= (r * (1.0 + p.nl_hard * r * r) - target) / (1.0 + 3.0 * p.nl_hard * r * r)
         return r * p.z0
     if p.nl_soft != 0.0:
-        target = g / (p.s0 * p.z0)
-        room = max(1.0 - p.nl_soft * target * target, 0.05)
-        return target * p.z0 / math.sqrt(room)
+        a = math.sqrt(1.5 * p.nl_soft)
+        # An arctangent carries no more than pi/2: what is asked beyond would never be reached.
+        return math.tan(min(a * g / (p.s0 * p.z0), 1.45)) * p.z0 / a
     return g / p.s0
 
 

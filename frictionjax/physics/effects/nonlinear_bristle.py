@@ -13,22 +13,38 @@ from frictionjax.physics.lugre import LuGre
 
 _ABOUT = About(
     sentence="bristle stiffness that depends on deflection (hardening or softening)",
-    equation="F_z = sigma0 z (1 + hardening (sigma0 z / Fs)^2), dz/dt = v - |v| F_z / G(v)",
+    equation=(
+        "F_z = sigma0 z (1 + hardening (sigma0 z/Fs)^2), sigma0 z/sqrt(1 - 2 hardening (sigma0 z/Fs)^2) below zero; "
+        "dz/dt = v - |v| F_z/G(v)"
+    ),
     shows="presliding near break-away; third harmonic of a presliding sine",
     confused_with=("maxwell_slip", "load_dependence"),
     split_by="presliding sines of several amplitudes below break-away, with and without an offset",
     source="Lampaert, Swevers, Al-Bender 2002; the conjecture that ends Hensen et al. 2002",
 )
 _HARDENING = (
-    # Below -4/27 the bristle could not carry break-away.
+    # Below -1/2 the bristle could not carry break-away; at -0.4 it bends to 2.2 times Fs/sigma0.
     Parameter(
-        "hardening", "1", "relative rise of stiffness", lower=-0.12, upper=5.0, probes=(0.03, -0.1, 0.5)
+        "hardening", "1", "relative rise of stiffness", lower=-0.4, upper=5.0, probes=(0.03, -0.1, 0.5)
     ),
 )
 
 
+def _secant(bend: Float[Array, ""], hardening: Float[Array, ""]) -> Float[Array, ""]:
+    """Secant stiffness over sigma0 at the deflection `bend` over Fs/sigma0. A bristle that softens saturates: a cubic
+    would turn down and carry less the further it bends."""
+    softer = hardening < 0.0
+    square = bend * bend
+    return jnp.where(
+        softer,
+        1.0 / jnp.sqrt(1.0 - 2.0 * jnp.where(softer, hardening, 0.0) * square),
+        1.0 + hardening * square,
+    )
+
+
 class NonlinearBristle(AbstractSpringEffect):
-    """F_z = sigma0 z (1 + hardening (sigma0 z / Fs)^2): stiffer when bent, or softer where `hardening` is negative.
+    """F_z = sigma0 z (1 + hardening (sigma0 z/Fs)^2): stiffer when bent; softer where `hardening` is negative,
+    F_z = sigma0 z/sqrt(1 - 2 hardening (sigma0 z/Fs)^2), which is the same to first order.
 
     **Arguments:**
 
@@ -44,7 +60,7 @@ class NonlinearBristle(AbstractSpringEffect):
 
     def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
         bend = friction.sigma0 * z / friction.Fs
-        return force * (1.0 + self.hardening * bend * bend)
+        return force * _secant(bend, self.hardening)
 
 
 _INVERSIONS = 5  # Newton steps: to the last digit for every admissible hardening
@@ -53,8 +69,8 @@ _INVERSIONS = 5  # Newton steps: to the last digit for every admissible hardenin
 class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
     """The same spring, with a bristle that slips in proportion to its deflection, dz/dt = v - |v| z/z_ss.
 
-    With y(f) the deflection over Fs/sigma0 that carries the force f Fs, y (1 + hardening y^2) = f, and b = F_z/G:
-    z/z_ss is y(b)/y(1), the level taken at Fs.
+    With y(f) the deflection over Fs/sigma0 that carries the force f Fs, and b = F_z/G: z/z_ss is y(b)/y(1), the level
+    taken at Fs.
 
     **Arguments:**
 
@@ -70,15 +86,19 @@ class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
 
     def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
         bend = friction.sigma0 * z / friction.Fs
-        return force * (1.0 + self.hardening * bend * bend)
+        return force * _secant(bend, self.hardening)
 
     def _deflection(self, force: Float[Array, ""]) -> Float[Array, ""]:
         # Beyond break-away a bristle that softens could carry no more: the deflection goes on in proportion.
         within = jnp.clip(force, -1.0, 1.0)
+        softer = self.hardening < 0.0
+        square = within * within
+        saturating = within / jnp.sqrt(1.0 + 2.0 * jnp.where(softer, self.hardening, 0.0) * square)
         y = within
         for _ in range(_INVERSIONS):
             slope = jnp.maximum(1.0 + 3.0 * self.hardening * y * y, 0.2)
             y = y - (y * (1.0 + self.hardening * y * y) - within) / slope
+        y = jnp.where(softer, saturating, y)
         return y + (force - within)
 
     def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
