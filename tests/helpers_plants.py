@@ -76,6 +76,7 @@ LARGE = {
     "Delay": (0.7e-3,),
     "DirectionAsymmetry": (0.1,),
     "ViscousAsymmetry": (0.5,),
+    "CoulombAndViscousAsymmetry": (0.1, 0.5),
     "DriveDeadzone": (0.3,),
     "DriveLag": (1e-3,),
     "SoftSaturation": (0.03,),
@@ -149,11 +150,10 @@ _ONE_A_SLOT = (
     *("LoadDependence", "MicroDamping", "NonlinearBristle", "PositionDependence", "Ripple", "StribeckShape"),
 )
 
-MOVERS = [
-    pytest.param(form, marks=() if form in _ONE_A_SLOT else pytest.mark.slow)
-    for form in FORMS
-    if form not in (*SENSORS, "MaxwellSlip")
-]
+MOVING = [form for form in FORMS if form not in (*SENSORS, "MaxwellSlip")]
+"""Every form that changes how a machine moves, but elasto-slip elements."""
+
+MOVERS = some_slow(MOVING, _ONE_A_SLOT)
 """Every form that changes how a machine moves, but elasto-slip elements; one or two of each slot are not slow."""
 
 

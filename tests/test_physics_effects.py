@@ -118,6 +118,10 @@ SLIDING = {
         {"viscous": 0.5},
         lambda x, v: np.sign(v) * _level(v) + S2 * v * (1.0 + 0.5 * np.sign(v)),
     ),
+    "CoulombAndViscousAsymmetry": (
+        {"coulomb": 0.2, "viscous": 0.5},
+        lambda x, v: (np.sign(v) * _level(v) + S2 * v) + 0.2 * _level(v) + 0.5 * S2 * np.abs(v),
+    ),
     "MaxwellSlip": ({"share": 0.6}, lambda x, v: np.sign(v) * _level(v) + S2 * v),
     "PositionDependence": (
         {"linear": 0.3, "quadratic": -0.2},

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_lugre_numpy import by_frozen_velocity, by_radau, numbers, quasi_static
-from helpers_plants import MOVERS, PLANTS, TABLE_I, effect, in_large, some_slow
+from helpers_plants import MOVING, PLANTS, TABLE_I, effect, in_large, some_slow
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate, simulate_reference
@@ -103,7 +103,7 @@ BOTH_WAYS = 3.9 * np.sin(2 * np.pi * 25.0 * T)
 
 
 @pytest.mark.parametrize(
-    "form", some_slow(MOVERS, ("ConstantLoad", "Creep", "DwellStrengthening", "ElastoPlastic"))
+    "form", some_slow(MOVING, ("ConstantLoad", "Creep", "DwellStrengthening", "ElastoPlastic"))
 )
 def test_each_effect_converges_to_the_reference(form):
     drive = in_large(form)

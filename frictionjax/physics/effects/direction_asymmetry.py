@@ -69,3 +69,27 @@ class ViscousAsymmetry(AbstractForceEffect):
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         return self.viscous * friction.sigma2 * jnp.abs(now.v)
+
+
+class CoulombAndViscousAsymmetry(AbstractLevelEffect, AbstractForceEffect):
+    """Both: G(v) -> G(v) (1 + coulomb sgn v), sigma2 v -> sigma2 v + viscous sigma2 |v|.
+
+    **Arguments:**
+
+    - `coulomb`: relative difference of the level.
+    - `viscous`: relative difference of the viscous damping.
+    """
+
+    coulomb: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    viscous: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+
+    name: ClassVar[str] = "direction_asymmetry"
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = DirectionAsymmetry.strengths + ViscousAsymmetry.strengths
+    nuisances: ClassVar[tuple[Parameter, ...]] = ()
+
+    def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
+        return level * (1.0 + self.coulomb * sign(now.v))
+
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.viscous * friction.sigma2 * jnp.abs(now.v)
