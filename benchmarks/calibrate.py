@@ -21,7 +21,7 @@ _BINS = (0.0, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 
 def read(paths: list[Path]) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Features `(n, 3)`, right or wrong `(n,)`, and what each was, of all accepted effects."""
+    """Features `(n, 4)`, right or wrong `(n,)`, and what each was, of all accepted effects."""
     features, right, what = [], [], []
     for path in paths:
         for text in path.read_text().splitlines():
@@ -35,18 +35,18 @@ def read(paths: list[Path]) -> tuple[np.ndarray, np.ndarray, list[str]]:
                     features.append(Evidence(*numbers).features)
                     right.append(name in line["missing"] and name not in without)
                     what.append(f"{label}{','.join(line['missing'])} as {name}")
-    return np.array(features).reshape(-1, 3), np.array(right, bool), what
+    return np.array(features).reshape(-1, 4), np.array(right, bool), what
 
 
 def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Bias and weights by maximum likelihood with a weak ridge, shape `(4,)`; weights are not negative."""
+    """Bias and weights by maximum likelihood with a weak ridge, shape `(5,)`; weights are not negative."""
     columns = np.column_stack([np.ones(len(right)), features])
 
     def loss(weights):
         margin = np.where(right, 1.0, -1.0) * (columns @ weights)
         return np.sum(np.logaddexp(0.0, -margin)) + _RIDGE * np.sum(weights[1:] ** 2)
 
-    return minimize(loss, np.array([0.0, 0.5, 0.5, 0.5]), bounds=[(None, None)] + [(0.0, None)] * 3).x
+    return minimize(loss, np.array([0.0, 0.5, 0.5, 0.5, 0.5]), bounds=[(None, None)] + [(0.0, None)] * 4).x
 
 
 def reliability(probability: np.ndarray, right: np.ndarray, write) -> None:

@@ -31,7 +31,13 @@ FLOOR = np.ones((1, 1))
 def _judged(fit, holdout=None):
     """A judgement with these misfits against any floor."""
     misfits = (fit, fit if holdout is None else holdout)
-    return SimpleNamespace(misfits=lambda floor: misfits, misfit_errors=lambda: (0.0, 0.0))
+    return SimpleNamespace(
+        misfits=lambda floor: misfits,
+        misfit_errors=lambda: (0.0, 0.0),
+        power=2.0 * np.exp(2.0 * np.array(misfits))[:, None] - 1.0,
+        held_out=np.array([False, True]),
+        batch=SimpleNamespace(block_count=np.ones((2, 1))),
+    )
 
 
 def _steps(before, *after):
@@ -115,15 +121,17 @@ def test_evidence_of_two_effects():
     first, second = evidence_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.12), _judged(0.02, 0.03)))
     assert first.whole == second.whole == pytest.approx(0.9)
     assert first.own == pytest.approx(0.5) and second.own == pytest.approx(0.75)
+    assert first.energy == second.energy > 0.9
     assert first.lead == pytest.approx(0.5 + 0.6) and second.lead == pytest.approx(0.9 + 0.75)
 
 
 def test_confidence_is_the_logistic_of_its_features():
-    odds = np.exp(BIAS + WEIGHTS[0] * np.log(4.0) + WEIGHTS[1] * np.log(3.0) + WEIGHTS[2] * 0.5)
-    assert Evidence(0.8, 0.75, 0.5).confidence == pytest.approx(odds / (1.0 + odds), rel=1e-12)
+    logits = np.log([4.0, 3.0, 9.0])
+    odds = np.exp(BIAS + np.dot(np.array(WEIGHTS)[[0, 1, 3]], logits) + WEIGHTS[2] * 0.5)
+    assert Evidence(0.8, 0.75, 0.5, 0.9).confidence == pytest.approx(odds / (1.0 + odds), rel=1e-12)
     # More of anything makes no name less likely; nothing is certain.
-    assert Evidence(0.9, 0.75, 0.5).confidence >= Evidence(0.8, 0.75, 0.5).confidence
-    assert Evidence(1.3, 1.2, 9.0).confidence < 1.0 and Evidence(-2.0, -1.0, -1.0).confidence > 0.0
+    assert Evidence(0.9, 0.75, 0.5, 0.9).confidence >= Evidence(0.8, 0.75, 0.5, 0.9).confidence
+    assert Evidence(1.3, 1.2, 9.0, 2.0).confidence < 1.0 and Evidence(-2.0, -1.0, -1.0, 0.0).confidence > 0.0
 
 
 def test_a_candidate_must_explain_fit_and_held_out_recordings():

@@ -55,7 +55,8 @@ def _held_out(fits: tuple[RecordingFit, ...]) -> str:
     if not held:
         return ""
     best = max(held, key=lambda f: f.prediction_rmse_base / max(f.prediction_rmse_extended, 1e-300))
+    verb = "falls" if best.prediction_rmse_extended < best.prediction_rmse_base else "does not fall: it goes"
     return (
-        f"On the held-out recording {best.name} the error 0.1 s ahead falls from {best.prediction_rmse_base:.3g} to "
+        f"On the held-out recording {best.name} the error 0.1 s ahead {verb} from {best.prediction_rmse_base:.3g} to "
         f"{best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})."
     )
