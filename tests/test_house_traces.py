@@ -22,6 +22,7 @@ from scipy.signal import lfilter
 
 import frictionjax.api as api
 from frictionjax import excitation
+from frictionjax.core import FrictionjaxWarning
 from frictionjax.diagnosis import select
 from frictionjax.physics import Drive, LuGre, catalogue
 from frictionjax.simulation import observer_gains, predict_ahead, simulate_reference
@@ -282,6 +283,12 @@ TRACED = (
 
 RECORDING = api.Recording("run", 1000.0, *np.random.default_rng(0).standard_normal((2, 400)))
 
+
+def _kept_aside():
+    with pytest.warns(FrictionjaxWarning, match="last third"):
+        api.keep_last_third_aside(api.Case("one", api.Plant(), (RECORDING,)))
+
+
 UNTRACED: dict[str, tuple[str, Callable]] = {
     "audit": ("numpy on one recording", lambda folder: api.audit(RECORDING, api.Plant())),
     "case_from_files": (
@@ -297,6 +304,10 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "extrapolate_to_zero_amplitude": (
         "a handful of small least squares, in numpy",
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
+    ),
+    "keep_last_third_aside": (
+        "cuts a recording",
+        lambda folder: _kept_aside(),
     ),
     "identifiability": (
         "small matrices, in numpy",
