@@ -1,6 +1,5 @@
 """What is said of every effect of the catalogue: tested or not, significant or not, and why it was not named."""
 
-from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
 from frictionjax.diagnosis.select import SIGNIFICANCE, Step, acceptable, effect_p_values
 from frictionjax.diagnosis.verdict import Candidate
 from frictionjax.physics.effects import catalogue
@@ -15,14 +14,11 @@ def candidates(steps: list[Step], units: dict[str, str], untestable: dict[str, s
     - `units`: names for force, position, input.
     - `untestable`: effect -> why the recordings cannot show it.
     """
-    accepted = [step.accepted.effect for step in steps if step.accepted is not None]
-    sure = dict(zip(accepted, evidence_of(steps), strict=True))
-    doubted = {name for name, evidence in sure.items() if evidence.confidence <= LEAST_CONFIDENCE}
-    rows = [_row(name, steps, units, untestable.get(name, ""), name in doubted) for name in catalogue()]
+    rows = [_row(name, steps, units, untestable.get(name, "")) for name in catalogue()]
     return tuple(sorted(rows, key=lambda c: (c.reason != "named", not c.tested, c.p_value)))
 
 
-def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str, doubted: bool) -> Candidate:
+def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> Candidate:
     rounds = [step for step in steps if any(t.effect == name for t in step.trials)]
     named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
     step = named or (rounds[0] if rounds else None)
@@ -34,7 +30,7 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str, doub
     refits = [c for r, c in zip(step.refits, step.compared, strict=True) if r.effect == name]
     best = max(refits, key=lambda c: c.worth, default=None)
     if named is not None:
-        reason = "explains most, but is more likely wrong than right" if doubted else "named"
+        reason = "named"
     elif why_not:
         reason = why_not
     elif best is not None:

@@ -5,8 +5,8 @@
 
 Shares of the misfit say how near to the noise a model comes; far from it, as on most real machines, they hide what the
 share of the energy shows. All are the smaller of those on fitted and on held-out recordings. The weights are set by
-hand, so that P is an order and not yet a frequency: `python -m benchmarks.calibrate` fits them to diagnosed machines,
-with the true effect in the catalogue and without it, and checks them on others.
+hand, so that P is an order and not yet a frequency, and decides nothing: `python -m benchmarks.calibrate` fits them to
+diagnosed machines, with the true effect in the catalogue and without it, and checks them on others.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,6 @@ from frictionjax.diagnosis.select import Step
 
 BIAS = -2.0
 WEIGHTS = (1.0, 0.5, 1.0, 0.5)
-LEAST_CONFIDENCE = 0.5
-"""Probability of being right below which an effect is not named."""
 
 _EDGE = 0.01  # of a share: below 1 % and above 99 % all is the same
 

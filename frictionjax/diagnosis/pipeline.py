@@ -13,7 +13,7 @@ from frictionjax.diagnosis.axes import Motion, axes_of
 from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of
 from frictionjax.diagnosis.begin import begin, check
 from frictionjax.diagnosis.candidates import candidates
-from frictionjax.diagnosis.confidence import LEAST_CONFIDENCE, evidence_of
+from frictionjax.diagnosis.confidence import evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.credible import credibility
 from frictionjax.diagnosis.evaluate import View, recording_fits, view
@@ -24,6 +24,7 @@ from frictionjax.diagnosis.next_experiment import NextExperiment, next_experimen
 from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.select import (
     ADEQUATE_MISFIT,
+    LEAST_SHARE,
     Step,
     effect_p_values,
     select,
@@ -188,8 +189,8 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, fl
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
-    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when every effect that was
-    accepted is more likely right than not; else `unknown`. Then whether something significant is left; its share."""
+    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
+    explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:
@@ -198,9 +199,10 @@ def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
         return "unknown", (True, 1.0)
     last = accepted[-1].accepted
     assert last is not None
-    share = float(np.clip(1.0 - min(explained(first, last.model.judgement, floor)), 0.0, 1.0))
+    shares = explained(first, last.model.judgement, floor)
+    share = float(np.clip(1.0 - min(shares), 0.0, 1.0))
     remains = not _within(last.model.judgement, floor, 2.0 * ADEQUATE_MISFIT)
-    if all(evidence.confidence > LEAST_CONFIDENCE for evidence in evidence_of(steps)):
+    if min(shares) > LEAST_SHARE:
         return "named", (bool(remains), share)
     return "unknown", (True, share)
 
@@ -264,7 +266,7 @@ def _missing(
     believed = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
     for step, evidence in believed:
         found = step.accepted
-        if found is None or evidence.confidence <= LEAST_CONFIDENCE:
+        if found is None:
             continue
         joint = found.model.joint
         place = len(joint.setting.drive.effects) - 1
