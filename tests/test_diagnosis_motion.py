@@ -269,7 +269,9 @@ def tribometer_cycles(case):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not TRIBOMETER.exists(), reason="the data are not beside the repository")
-@pytest.mark.xfail(strict=True, reason="of the whole catalogue only a ripple is refitted: 0.26 N become 0.49 N")
+@pytest.mark.xfail(
+    strict=True, reason="of the whole catalogue only a ripple is refitted: 0.26 N become 0.49 N"
+)
 def test_a_tribometer():
     """What LuGre lacks there is named, and the held-out force error is less than half with it."""
     found = diagnose(tribometer_cycles(load_case(TRIBOMETER)))
