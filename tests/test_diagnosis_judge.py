@@ -46,6 +46,10 @@ def _powers(batch, fit, holdout):
         ((0.4, 0.2), (0.4, 0.3), (0.0, -0.5)),
         ((0.4, 0.2), (0.0, 0.0), (1.0, 1.0)),
         ((0.0, -0.001), (0.2, 0.2), (0.0, 0.0)),
+        # What the recordings kept aside hardly show is counted against what is adequate, 0.01, and no less.
+        ((0.2, 0.001), (0.02, 0.003), (0.9, 0.7)),
+        ((0.2, -0.001), (0.02, 0.0), (0.9, 1.0)),
+        ((0.008, 0.001), (0.004, 0.003), (0.5, -2.0)),
     ],
 )
 def test_the_explained_share_is_that_of_the_misfit_above_the_floor(quiet, before, after, shares, floor):

@@ -64,8 +64,11 @@ NOT_THERE = LOADS[:1]
 """A drive takes one inertia of its own."""
 NOT_STEEP = {
     "FrictionLag": "a lag of zero has the derivative zero by construction",
+    "WarmupByTemperature": "nobody measured a temperature here",
     "DriveDeadzone": "inputs that are zero to rounding have a sign, and lose nothing",
 }
+
+NO_SLOPE = ("FrictionLag", "WarmupByTemperature")
 
 
 @eqx.filter_jit
@@ -141,7 +144,6 @@ def slopes():
 def test_each_strength_has_a_derivative_at_zero(slopes, index, name):
     forward, central, one_sided = (rows[index] for rows in slopes)
     assert np.all(np.isfinite(forward))
-    # A lag of nothing, and a temperature that nobody measured, change nothing.
-    assert np.any(forward) == (name[0] not in ("FrictionLag", "WarmupByTemperature"))
+    assert np.any(forward) == (name[0] not in NO_SLOPE)
     if name[0] not in NOT_STEEP:
         _close(forward, one_sided if name[1] in ONE_SIDED else central, 1e-3)

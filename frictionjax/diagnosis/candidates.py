@@ -25,7 +25,10 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> C
     if step is None:
         reason = why_not or "the recordings hold no motion that would show it"
         return Candidate(name, float("nan"), {}, False, reason)
-    trial = max((t for t in step.trials if t.effect == name), key=lambda t: t.gain)
+    if named is not None and named.accepted is not None:
+        trial = named.accepted.trial
+    else:
+        trial = max((t for t in step.trials if t.effect == name), key=lambda t: (t.gain, t.linear_gain))
     p_value = effect_p_values(step.trials)[name]
     refits = [c for r, c in zip(step.refits, step.compared, strict=True) if r.effect == name]
     best = max(refits, key=lambda c: c.worth, default=None)
@@ -47,7 +50,7 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> C
         gain_fit=best.share_fit if best else float("nan"),
         gain_holdout=best.share_holdout if best else float("nan"),
         one_step=trial.one_step,
-        units={p.name: _unit(p.unit, units) for f in catalogue()[name] for p in f.strengths},
+        units={p.name: _unit(p.unit, units) for p in trial.form.strengths},
     )
 
 

@@ -21,9 +21,8 @@ from frictionjax.simulation import innovation_gain, observer_gains
 DRAWS = 199
 _TOGETHER = 8  # draws at a time
 _SEED = 20020301
-_WIDEST = (
-    3.0  # standard error over what chance makes of it: noise may be that much less even than white noise
-)
+_WIDEST = 3.0
+"""Standard error over what chance makes of it: noise may be that much less even than white noise."""
 
 
 class Chance(eqx.Module):

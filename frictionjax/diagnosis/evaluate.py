@@ -14,7 +14,6 @@ from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
-    Gains,
     innovation_gain,
     observe,
     observer_gains,
@@ -43,32 +42,18 @@ class View(eqx.Module):
 
 @eqx.filter_jit
 def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
-    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, x_first, before):
-        force = drive.applied_force(u, dt)
-        own = Gains(position_gain, velocity_gain)
-        start = (x0, v0, z0, before)
+    def one(u, x, dt, gains, start, x_first):
+        force, before = drive.applied_force(u, dt), start[3]
         # The free run knows the first sample alone.
         run = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2, before=before)
         free = jax.vmap(drive.seen)(run.x, run.v, run.t)
-        seen = observe(drive, force, x, dt, own, start)
-        ahead = run_ahead(drive, force, seen, dt, own, horizon=horizon, stride=stride)
+        seen = observe(drive, force, x, dt, gains, start)
+        ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride)
         missing = residual_force(drive, force, x, dt, bandwidth, start)
         bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
         return free, ahead, missing, seen.v, bend, seen.innovation
 
-    z0 = deflection * drive.friction.Fs / drive.friction.sigma0
-    return jax.vmap(one)(
-        batch.u,
-        batch.x,
-        batch.dt,
-        gains.position,
-        gains.velocity,
-        batch.x0,
-        batch.v0,
-        z0,
-        first,
-        batch.before,
-    )
+    return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0, first)
 
 
 def view(judgement: Judgement, scene: Scene) -> View:
@@ -113,6 +98,18 @@ def _seen(
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
     e = innovation / unit * np.asarray(batch.valid)
     return {"free": free, "ahead": ahead, "force": force, "v": v, "bend": bend, "e": e}
+
+
+def held_out_error(seen: View, scene: Scene) -> float:
+    """Root mean square error of a model on the recordings kept aside, each in units of its noise: of the position
+    0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run overflows."""
+    batch = scene.batch
+    imposed = isinstance(batch, ImposedBatch)
+    measured, model = (np.asarray(batch.force), seen.free) if imposed else (np.asarray(batch.x), seen.ahead)
+    scored = (np.asarray(batch.valid) > 0) & scene.held_out[:, None]
+    errors = ((model - measured) / np.asarray(batch.noise)[:, None])[scored]
+    value = float(np.sqrt(np.mean(errors**2)))
+    return value if np.isfinite(value) else float("inf")
 
 
 def ahead_samples(dt: float) -> int:

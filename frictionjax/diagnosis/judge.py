@@ -9,6 +9,9 @@ from frictionjax.estimation.joint import CLUSTER_BLOCKS, Joint, losses_of
 from frictionjax.estimation.robust_fit import Fitted
 from frictionjax.physics import Drive
 
+ADEQUATE_MISFIT = 0.01
+"""Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
+
 
 class Scene(eqx.Module):
     """All recordings of a case, as maps and pictures see them.
@@ -75,10 +78,16 @@ def judge(joint: Joint, fitted: Fitted) -> Judgement:
 
 
 def explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:
-    """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones."""
+    """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones.
+
+    Where one set shows what the other hardly does, what the other leaves is counted against what would be adequate: a
+    share of a misfit at the floor is chance.
+    """
+    olds, news = before.misfits(floor), after.misfits(floor)
+    least = ADEQUATE_MISFIT if max(olds) > ADEQUATE_MISFIT else 0.0
     shares = [
-        1.0 - new / old if old > 0.0 else 0.0
-        for old, new in zip(before.misfits(floor), after.misfits(floor), strict=True)
+        1.0 - new / max(old, least) if max(old, least) > 0.0 else 0.0
+        for old, new in zip(olds, news, strict=True)
     ]
     return shares[0], shares[1]
 

@@ -22,6 +22,7 @@ from frictionjax.physics.effects import AbstractEffect
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
+_NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
 
 
 class Trial(eqx.Module):
@@ -197,6 +198,8 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
                 p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value
             information = np.linalg.pinv(gram, hermitian=True)[-size:, -size:]
             spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
+            # What does nothing to these recordings would not be seen at any size.
+            spread = np.where(np.diag(own) > _NOTHING, spread, np.inf)
     return _Promise(probe.form, joint, where, candidates, linear, p_value, spread)
 
 

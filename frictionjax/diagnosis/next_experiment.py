@@ -10,7 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core import InputError
 from frictionjax.diagnosis.refit import Refitted
+from frictionjax.estimation.batch import Batch
 from frictionjax.information import rank_for_discrimination
 from frictionjax.physics import Drive
 
@@ -76,8 +78,14 @@ def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[
 def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | None:
     """The plain experiment that best separates two models as they were fitted; None where none does within an hour.
 
-    **Raises:** `InputError` where there is nothing to design: two forms of one effect, or runs that overflow.
+    **Raises:** `InputError` where there is nothing to design: two forms of one effect, runs that overflow, or motions
+    that are imposed.
     """
+    if not isinstance(accepted.model.joint.batch, Batch):
+        raise InputError(
+            "the motion is imposed, and the experiments that could be designed apply a force",
+            cure="Impose slower and faster motions, smaller ones inside larger ones, and rests.",
+        )
     drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
     batch = accepted.model.joint.batch
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)

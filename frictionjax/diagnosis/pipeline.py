@@ -16,14 +16,13 @@ from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import evidence_of
 from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.credible import credibility
-from frictionjax.diagnosis.evaluate import View, recording_fits, view
+from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.imposed import idle_effects
-from frictionjax.diagnosis.judge import Judgement, Scene, explained
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, Scene, explained
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.select import (
-    ADEQUATE_MISFIT,
     LEAST_SHARE,
     Step,
     effect_p_values,
@@ -46,6 +45,10 @@ from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
 _SURE = 3.0  # standard errors
+_MISLEADING = (
+    "A map of the missing force over {} lowers the held-out misfit, yet the held-out error rises from {:.3g} to {:.3g} "
+    "times the noise: it is not kept."
+)
 
 
 def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
@@ -110,7 +113,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
     verdict, left = verdict_of(steps)
-    residual = None
+    residual, notes = None, list(begun.notes)
     if verdict == "unknown":
         progress("what carries the rest", 0.82)
         residual = residual_model(last, steps[-1].floor, executor)
@@ -118,12 +121,19 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
     base_view, extended_view = _views(base, final, scene)
+    if residual is not None and residual.helps:
+        own_view = base_view if last is base else view(last.judgement, scene)
+        before, after = (held_out_error(seen, scene) for seen in (own_view, extended_view))
+        if after > before:
+            notes.append(_MISLEADING.format(residual.variable, before, after))
+            residual, final, extended_view = None, last, own_view
     progress("locating", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
     bins = located.bins
     base_parameters = parameters_of(base, units)
     extended = base_parameters if final is base else parameters_of(final, units)
     experiments, not_designed = _experiments(steps, progress)
+    notes += not_designed
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(begun.recordings, scene, base_view, extended_view, base.judgement.drive)
@@ -140,7 +150,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         extended=extended,
         recordings=fits,
         candidates=candidates(steps, units, untestable),
-        warnings=_warnings(case, base_parameters, message_of(base), begun.notes + not_designed),
+        warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
         seconds=clock.told(compiling),
         within=located.within,
     )

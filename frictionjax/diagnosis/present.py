@@ -12,7 +12,7 @@ from frictionjax.estimation.joint import LANES, Joint, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power
 from frictionjax.physics.effects import AbstractEffect
-from frictionjax.simulation import Gains, innovation_gain, observe
+from frictionjax.simulation import innovation_gain, observe
 from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
 from frictionjax.simulation.observer import corrected_states
 
@@ -85,23 +85,11 @@ def _effect_at(joint: Joint, vector) -> AbstractEffect:
 
 @eqx.filter_jit
 def _motion(drive, deflection, batch, gains):
-    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z0, before):
-        own = Gains(position_gain, velocity_gain)
-        seen = observe(drive, drive.applied_force(u, dt), x, dt, own, (x0, v0, z0, before))
-        return along(drive, corrected_states(drive, seen, own), u, dt)
+    def one(u, x, dt, gains, start):
+        seen = observe(drive, drive.applied_force(u, dt), x, dt, gains, start)
+        return along(drive, corrected_states(drive, seen, gains), u, dt)
 
-    z0 = deflection * drive.friction.Fs / drive.friction.sigma0
-    return jax.vmap(one)(
-        batch.u,
-        batch.x,
-        batch.dt,
-        gains.position,
-        gains.velocity,
-        batch.x0,
-        batch.v0,
-        z0,
-        batch.before,
-    )
+    return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0)
 
 
 @eqx.filter_jit
@@ -126,21 +114,10 @@ def _injected_lanes(layout, vectors, setting, signals):
         drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
         z0 = vector[count:] * drive.friction.Fs / drive.friction.sigma0
 
-        def one(signals, x, dt, position_gain, velocity_gain, x0, v0, z, before):
-            own = Gains(position_gain, velocity_gain)
-            return injected_innovations(drive, signals, x, dt, own, (x0, v0, z, before))
+        def one(u, x, dt, gains, start, signals):
+            return injected_innovations(drive, signals, x, dt, gains, start)
 
-        raw = jax.vmap(one)(
-            signals,
-            batch.x,
-            batch.dt,
-            gains.position,
-            gains.velocity,
-            batch.x0,
-            batch.v0,
-            z0,
-            batch.before,
-        )
+        raw = batch.each(one, gains, z0, signals)
         return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 
     return jax.vmap(lane)(vectors, signals)

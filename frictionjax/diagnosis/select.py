@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionjax.core import Progress
 from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
-from frictionjax.diagnosis.judge import Judgement, advantage, explained, judge
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
@@ -30,8 +30,6 @@ from frictionjax.estimation.robust_fit import descend, level_out
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, catalogue
 
-ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
 LEAST_GAIN = 0.0005
 """Drop of the misfit, per sample, below which a candidate is not worth a refit."""
 LEAST_SHARE = 0.45

@@ -1,14 +1,16 @@
 """Recordings side by side: padded to one length, with masks, noise levels and starting states."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
+from frictionjax.simulation import Gains
 
 # The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
 _SETTLING = 0.1
@@ -67,6 +69,23 @@ class Batch(AbstractBatch):
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     before: Before
+
+    def each(self, function: Callable, gains: Gains, deflection: Float[Array, " r"], *more):
+        """`function` of every recording, side by side.
+
+        **Arguments:**
+
+        - `function`: called with the input and the position, shape `(n,)`, the time step (s), the observer's gains, and
+          where it starts: `(x, v, z, before)`; then with the rows of `more`.
+        - `gains`: of the observer, one per recording, shape `(r,)`.
+        - `deflection`: of the bristle at the first sample, position units, shape `(r,)`.
+        - `more`: further arrays of leading size `r`.
+        """
+
+        def one(u, x, dt, gains, x0, v0, z0, before, *more):
+            return function(u, x, dt, gains, (x0, v0, z0, before), *more)
+
+        return jax.vmap(one)(self.u, self.x, self.dt, gains, self.x0, self.v0, deflection, self.before, *more)
 
 
 def white_level(values: Float[np.ndarray, " n"]) -> float:

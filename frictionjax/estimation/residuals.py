@@ -1,6 +1,5 @@
 """Standardised prediction errors of a whole batch: innovations, or errors of the force under an imposed motion."""
 
-import jax
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch
@@ -41,28 +40,10 @@ def standardised(
 def _innovations(drive: Drive, deflection, batch, gains: Gains, substeps: int):
     assert isinstance(batch, Batch)
 
-    def one(u, x, dt, position_gain, velocity_gain, x0, v0, z, before):
-        return innovations(
-            drive,
-            drive.applied_force(u, dt),
-            x,
-            dt,
-            Gains(position_gain, velocity_gain),
-            (x0, v0, z, before),
-            substeps=substeps,
-        )
+    def one(u, x, dt, gains, start):
+        return innovations(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=substeps)
 
-    raw = jax.vmap(one)(
-        batch.u,
-        batch.x,
-        batch.dt,
-        gains.position,
-        gains.velocity,
-        batch.x0,
-        batch.v0,
-        deflection,
-        batch.before,
-    )
+    raw = batch.each(one, gains, deflection)
     return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 
 
