@@ -158,3 +158,16 @@ def test_a_constant_load_does_not_pass_for_friction():
     loaded = fit_sliding((type(motion)(motion.x, motion.v, motion.a, motion.force + 0.2),))
     assert loaded.offset == pytest.approx(0.2, abs=0.01)
     assert loaded.Fc == pytest.approx(TRUTH["Fc"], rel=0.05)
+
+
+def test_a_pendulum_does_not_hide_its_inertia():
+    """Without the spring in the regression what gravity takes is taken for inertia, and little is explained."""
+    t = np.arange(12000) / 1000.0
+    x = np.sin(2.0 * t) + 0.3 * np.sin(7.0 * t)
+    v, a = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
+    J, Fc, stiffness = 0.05, 0.4, 5.0
+    u = J * a + Fc * np.sign(v) + stiffness * x
+    start = starting_values((Recording("swing", 1000.0, u, x, loop="closed"),))
+    # It turns back where gravity is strongest: a few samples of both.
+    assert float(start.drives[0].J) == pytest.approx(J, rel=0.1)
+    assert float(start.drives[0].friction.Fc) == pytest.approx(Fc, rel=0.2)

@@ -29,7 +29,7 @@ from frictionjax.diagnosis.select import (
     select,
 )
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
-from frictionjax.diagnosis.unscored import unscored, what_to_check
+from frictionjax.diagnosis.unscored import mistake, unscored, what_to_check
 from frictionjax.diagnosis.verdict import (
     Diagnosis,
     MismatchBin,
@@ -45,6 +45,10 @@ from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
 _SURE = 3.0  # standard errors
+_HARDLY = (
+    "The base model alone predicts the motion no better than no model would; only with {} it does. Its own parameters "
+    "mean little."
+)
 _MISLEADING = (
     "A map of the missing force over {} lowers the held-out misfit, yet the held-out error rises from {:.3g} to {:.3g} "
     "times the noise: it is not kept."
@@ -91,29 +95,41 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     base = base_of(
         begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
     )
-    credible = credibility(base)
-    clock.stage("base fit")
+    notes = list(begun.notes)
+    credible, known = credibility(base), ""
     if not credible.credible:
-        progress("looking for what is wrong", 0.3)
-        said = what_to_check(credible, case, lambda other: _base_alone(other, executor))
-        own = parameters_of(base, units)
-        clock.stage("judging")
-        warnings = (said, *_warnings(case, own, message_of(base), begun.notes))
-        return unscored(case, base, scene, view(base.judgement, scene), own, warnings, clock.told(compiling))
+        progress("looking for what is wrong", 0.2)
+        known = mistake(case, lambda other: _base_alone(other, executor))
+    clock.stage("base fit")
     untestable, unseen = not_testable(case, begun.batch)
-    steps = select(
-        base,
-        executor,
-        lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-        without=unseen | frozenset(idle_effects() if begun.imposed else ()),
-        barred=frozenset(untestable),
-    )
+    steps: list[Step] = []
+    if not known:
+        steps = select(
+            base,
+            executor,
+            lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
+            without=unseen | frozenset(idle_effects() if begun.imposed else ()),
+            barred=frozenset(untestable),
+        )
     clock.stage("naming")
+    if not credible.credible:
+        # A pendulum is no machine on rails: what is missing may be all that moves it.
+        mended = [step.accepted for step in steps if step.accepted is not None]
+        if not mended or not credibility(mended[-1].model).credible:
+            own = parameters_of(base, units)
+            warnings = (
+                what_to_check(credible, case, known),
+                *_warnings(case, own, message_of(base), begun.notes),
+            )
+            seen = view(base.judgement, scene)
+            clock.stage("judging")
+            return unscored(case, base, scene, seen, own, warnings, clock.told(compiling))
+        notes.append(_HARDLY.format(", ".join(found.effect for found in mended)))
     base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
     verdict, left = verdict_of(steps)
-    residual, notes = None, list(begun.notes)
+    residual = None
     if verdict == "unknown":
         progress("what carries the rest", 0.82)
         residual = residual_model(last, steps[-1].floor, executor)

@@ -19,27 +19,40 @@ Refit = Callable[[Case], Model]
 """Fits the base model to a case."""
 
 
-def what_to_check(found: Credibility, case: Case, refit: Refit) -> str:
-    """The warning: how bad the base fit is, and what mends it.
+def mistake(case: Case, refit: Refit) -> str:
+    """What is wrong with a case whose base fit is not credible, a sentence with its cure; empty when it is not known.
 
     The two mistakes that can be proved are tried: an input of the wrong sign, and a known inertia that contradicts the
     motor constant. What makes the fit credible is what was wrong.
 
     **Arguments:**
 
-    - `found`: what the base fit explains.
     - `case`: the case.
     - `refit`: fits the base model to a changed case.
     """
-    said = (
-        "The base fit is not credible: it predicts the motion no better than no model would, which expects the machine "
-        f"to keep its speed ({100 * max(found.energy, -9.99):.0f} % of the energy explained). "
-        "Nothing was tested or named."
-    )
     for changed, cure in _mistakes(case):
         model = refit(changed)
         if credibility(model).credible:
-            return f"{said} {cure(model)}"
+            return cure(model)
+    return ""
+
+
+def what_to_check(found: Credibility, case: Case, known: str) -> str:
+    """The warning: how bad the base fit is, and what mends it.
+
+    **Arguments:**
+
+    - `found`: what the base fit explains.
+    - `case`: the case.
+    - `known`: the `mistake` that was found, or nothing.
+    """
+    said = (
+        "The base fit is not credible: it predicts the motion no better than no model would, which expects the machine "
+        f"to keep its speed ({100 * max(found.energy, -9.99):.0f} % of the energy explained)."
+    )
+    if known:
+        return f"{said} Nothing was tested or named. {known}"
+    said = f"{said} No effect of the catalogue mends that, and nothing is named."
     names = [case.fit_recordings[row].name for row in found.failed]
     worst = f" It is worse in {', '.join(names)}." if names else ""
     return (

@@ -30,7 +30,7 @@ class SlidingMotion(eqx.Module):
 
 
 class SlidingFit(eqx.Module):
-    """Least-squares fit of force = J a + Fc sgn v + sigma2 v + offset over sliding samples.
+    """Least-squares fit of force = J a + Fc sgn v + sigma2 v + offset (+ k x) over sliding samples.
 
     **Attributes:** the four coefficients, `top_speed`, `used` (number of samples), `spread` (robust standard
     deviation of what is left, force units), `unexplained` (that over the spread of the force itself), `credible`.
@@ -70,7 +70,9 @@ def _ways(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
     return np.repeat(np.abs(np.diff(marks)), np.diff(edges))
 
 
-def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = None) -> SlidingFit:
+def fit_sliding(
+    motions: tuple[SlidingMotion, ...], *, inertia: float | None = None, spring: bool = False
+) -> SlidingFit:
     """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, on the way from one
     reversal to the next if that way is not short: vibration in stick may be fast too.
 
@@ -78,6 +80,7 @@ def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = N
 
     - `motions`: smoothed recordings.
     - `inertia`: known inertia, or None.
+    - `spring`: let a force proportional to the position take its part, as a spring or a pendulum would.
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
     ways = [_ways(m) for m in motions]
@@ -88,9 +91,9 @@ def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = N
     slides = [
         (np.abs(m.v) > 0.05 * top_speed) & (way > shortest) for m, way in zip(motions, ways, strict=True)
     ]
-    v, a, force = (
+    x, v, a, force = (
         np.concatenate([getattr(m, name)[own] for m, own in zip(motions, slides, strict=True)])
-        for name in ("v", "a", "force")
+        for name in ("x", "v", "a", "force")
     )
     # Motion to one side cannot tell Coulomb friction from a constant force.
     both = min(np.mean(v > 0.0), np.mean(v < 0.0)) > _BOTH
@@ -100,20 +103,25 @@ def fit_sliding(motions: tuple[SlidingMotion, ...], *, inertia: float | None = N
         columns.insert(0, a)
     else:
         target = force - inertia * a
+    if spring:
+        columns.insert(0, x - np.mean(x))
     design = np.stack(columns, axis=1)
     # A negative inertia or friction is no start for anything: those coefficients are kept at or above zero.
-    lower = np.where(np.arange(design.shape[1]) == design.shape[1] - 1, -np.inf, 0.0)
+    lower = np.zeros(design.shape[1])
+    lower[-1] = -np.inf
+    if spring:
+        lower[0] = -np.inf
     size = np.sqrt(np.mean(design**2, axis=0)) + 1e-300
     weight = np.ones_like(v)
     solution, spread = np.zeros(design.shape[1]), np.inf
     for _ in range(10):
         root = np.sqrt(weight)[:, None]
-        scaled = lsq_linear(design / size * root, target * root[:, 0], bounds=(lower, np.inf))
+        scaled = lsq_linear(design / size * root, target * root[:, 0], bounds=(lower, np.inf), method="bvls")
         solution = scaled.x / size
         left = np.abs(target - design @ solution)
         spread = 1.4826 * float(np.median(left))
         weight = np.minimum(1.0, 2.0 * spread / np.maximum(left, 1e-300))
-    J = inertia if inertia is not None else float(solution[0])
+    J = inertia if inertia is not None else float(solution[-4])
     Fc, sigma2, offset = (float(s) for s in solution[-3:])
     unexplained = spread / max(1.4826 * float(np.median(np.abs(force))), 1e-300)
     return SlidingFit(J, Fc, sigma2, offset, top_speed, int(v.size), spread, unexplained)

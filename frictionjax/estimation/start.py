@@ -46,6 +46,11 @@ def starting_values(
     for seconds in WINDOWS:
         motions = tuple(smooth_motion(r, motor_constant, seconds) for r in recordings)
         sliding = fit_sliding(motions, inertia=inertia)
+        if not sliding.credible:
+            # A machine that hangs on a spring, or is a pendulum: what that takes must not be taken for inertia.
+            hanging = fit_sliding(motions, inertia=inertia, spring=True)
+            if hanging.credible and hanging.unexplained < _CLEARER * sliding.unexplained:
+                sliding = hanging
         trials.append((not sliding.credible, sliding.unexplained, motions, sliding))
         if sliding.credible:
             break
@@ -93,6 +98,8 @@ def starting_values(
     return Start(tuple(drives), tuple(notes), stick is not None)
 
 
+_CLEARER = 0.7
+"""Part of what is left unexplained that must be left with a spring, for a spring to be believed in."""
 _LEAST_FORCE = 1e-3
 """Share of the motor force below which inertia is no inertia: a least-squares fit kept it from going below zero."""
 _DEFLECTIONS = 10.0
