@@ -212,7 +212,7 @@ def _rank_experiments(k) -> Call:
 
 
 def _rank_for_discrimination(k) -> Call:
-    load, asymmetry = effect("ConstantLoad", load=0.1 + 0.01 * k), effect("ViscousAsymmetry", asymmetry=0.1)
+    load, asymmetry = effect("ConstantLoad", load=0.1 + 0.01 * k), effect("ViscousAsymmetry", viscous=0.1)
     candidates = {"noise": _noise(k, 317), "more": 2.0 * _noise(k, 317, 1)}
     return lambda: (
         api.rank_for_discrimination(DRIVES[k], load, asymmetry, candidates, RATES[k], 1e-6 * (1 + k)).best

@@ -22,6 +22,9 @@ _EASE = (
     0.1  # of the power that a model leaves: errors below it do not count while nothing comes near the noise
 )
 _EASED = 0.3  # logarithm of a change of the noise that is worth a refit
+_FIRST = 5  # steps after which candidates that lag behind are given up
+_PROMISING = 0.2  # part of the best one's gain by then
+_AT_LEAST = 3  # candidates that go on in any case
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -154,7 +157,16 @@ def refit_all(
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
-        return joint, descend(joint, vector, graduate=graduate, steps=12, tolerance=0.03)
+        # Imposed motions take what steps they need: they are few.
+        return joint, descend(
+            joint, vector, graduate=graduate, steps=12 if graduate else _FIRST, tolerance=0.03
+        )
+
+    def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
+        joint, found = begun
+        if graduate or found.converged:
+            return begun
+        return joint, descend(joint, found.vector, graduate=False, steps=12 - _FIRST, tolerance=0.03)
 
     def again(trial: Trial, begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
@@ -165,8 +177,13 @@ def refit_all(
             for place in range(own.start, own.stop):
                 name = joint.layout[place].parameter.name
                 start = start.at[place].set(shown.get(name, start[place]))
-        other = descend(joint, start, steps=12, tolerance=0.03)
-        return joint, min(found, other, key=lambda fitted: fitted.misfit)
+        starts = [start]
+        for place in range(own.start, own.stop):
+            free = joint.layout[place]
+            if free.parameter.other_start is not None:
+                starts.append(start.at[place].set(free.parameter.other_start / float(free.scale)))
+        others = [descend(joint, begin, steps=12, tolerance=0.03) for begin in starts]
+        return joint, min([found, *others], key=lambda fitted: fitted.misfit)
 
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
@@ -178,7 +195,10 @@ def refit_all(
         return []
     present = float(fast.misfits([model.fitted.vector])[0])
     begun = list(executor.map(begin, trials))
+    trials, begun = _foremost(trials, begun, present, _PROMISING)
+    begun = list(executor.map(go_on, begun))
     if min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR:
+        trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
     gains = np.array([present - found.misfit for _, found in begun])
     # A form may have begun from two places: the better end goes on.
@@ -188,6 +208,20 @@ def refit_all(
         if gain > _NEAR * gains.max() and (form not in ends or gain > ends[form][0]):
             ends[form] = gain, trial, end
     return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
+
+
+def _foremost(
+    trials: list[Trial], begun: list[tuple[Joint, Fitted]], present: float, part: float
+) -> tuple[list[Trial], list[tuple[Joint, Fitted]]]:
+    """Those that gain more than `part` of what the best one gains on the misfit `present`, and the first three."""
+    order = sorted(range(len(begun)), key=lambda number: begun[number][1].misfit)
+    most = present - begun[order[0]][1].misfit
+    kept = [
+        number
+        for place, number in enumerate(order)
+        if place < _AT_LEAST or present - begun[number][1].misfit > part * most
+    ]
+    return [trials[number] for number in kept], [begun[number] for number in kept]
 
 
 def polish(candidate: Refitted) -> Refitted:

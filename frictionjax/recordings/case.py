@@ -103,6 +103,15 @@ def case_from_files(
     return _build(table, fallback, Path(), Spot(None))
 
 
+def case_from_table(table: dict[str, Any], name: str) -> Case:
+    """A case from the keys of a case file, as a dictionary; `name` where it has none. Relative paths count from the
+    working directory.
+
+    **Raises:** `InputError` as `load_case` does.
+    """
+    return _build(table, name, Path(), Spot(None))
+
+
 def _several(files: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
     return [files] if isinstance(files, str | Path) else files
 

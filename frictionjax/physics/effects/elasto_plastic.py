@@ -38,7 +38,14 @@ class ElastoPlastic(AbstractSlipEffect):
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "plasticity", "1", "from LuGre to elasto-plastic", lower=0.0, upper=1.0, probes=(0.05, 0.5)
+            "plasticity",
+            "1",
+            "from LuGre to elasto-plastic",
+            lower=0.0,
+            upper=1.0,
+            probes=(0.05, 0.5),
+            # Half plastic is no machine: between the two models the misfit has walls.
+            other_start=0.95,
         ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (

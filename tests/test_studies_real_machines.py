@@ -1,0 +1,56 @@
+"""Published machines: found by checksum, refused with a cure, cut as the notebook says."""
+
+from pathlib import Path
+
+import pytest
+
+from frictionjax.core import InputError
+from frictionjax.studies.real_machines import MACHINES, VARIABLE, files_of, load_machine
+
+REAL = Path(__file__).parents[2] / "shared" / "real"
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones():
+    with pytest.raises(InputError, match="emps, motor_bench, tribometer, pendulum"):
+        load_machine("robot")
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_what_is_absent_is_said_with_where_to_get_it(name, tmp_path):
+    with pytest.raises(InputError, match="is not on this disk") as raised:
+        files_of(name, [tmp_path])
+    assert MACHINES[name].source.split()[0] in str(raised.value)
+    assert VARIABLE in str(raised.value)
+
+
+def test_another_file_of_the_same_name_is_refused(tmp_path):
+    (tmp_path / "test_data_2.txt").write_text("t\tx\n0\t1\n")
+    with pytest.raises(InputError, match="not the file that was published"):
+        files_of("tribometer", [tmp_path])
+
+
+def test_the_environment_names_the_folders(tmp_path, monkeypatch):
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "test_data_2.txt").write_text("something else")
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    with pytest.raises(InputError, match="deep"):
+        files_of("tribometer")
+
+
+EXPECTED = {
+    "emps": (1, 1, 1000.0),
+    "motor_bench": (1, 1, 2500.0),
+    "tribometer": (12, 12, 200.0),
+    "pendulum": (9, 3, 188.0),
+}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_recordings_are_cut_as_the_notebook_says(name):
+    try:
+        case = load_machine(name, [REAL] if REAL.is_dir() else [])
+    except InputError as absent:
+        pytest.skip(str(absent))
+    fit, held, rate = EXPECTED[name]
+    assert (len(case.fit_recordings), len(case.holdout_recordings)) == (fit, held)
+    assert {recording.sample_rate for recording in case.recordings} == {rate}
