@@ -22,6 +22,7 @@ from frictionjax.physics.effects import AbstractEffect
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
+_HOPELESS = 1e-4  # linear gain per sample that is not worth a simulation
 _NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
 
 
@@ -208,6 +209,7 @@ def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
     chosen = [
         (rank, vector)
         for rank, promise in enumerate(promises[:2])
+        if promise.linear_gain > _HOPELESS
         for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
     ]
     best: dict[int, tuple[float, Array]] = {}

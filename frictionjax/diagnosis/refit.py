@@ -138,7 +138,7 @@ def refit_all(
     observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
-    look refuted. Where the best leaves most of the misfit of `model`, all are fitted again from where the base fit
+    look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
     began, with as much of the effect as its test promised, or as the `pair` shows.
 
     **Arguments:**
@@ -197,7 +197,9 @@ def refit_all(
     begun = list(executor.map(begin, trials))
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
-    if min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR:
+    # A model that has effects already has left the minimum that the base model came to rest in.
+    stuck = min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR
+    if stuck and not model.joint.setting.drive.effects:
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
     gains = np.array([present - found.misfit for _, found in begun])
