@@ -5,6 +5,7 @@ what it does not find.
 """
 
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -100,9 +101,7 @@ def _fetched_by_nonlinear_benchmarks() -> list[Path]:
         raise InputError(
             "nonlinear-benchmarks is not installed", cure='Run pip install "frictionjax[benchmarks-data]"'
         )
-    import nonlinear_benchmarks  # pyright: ignore[reportMissingImports]
-
-    files = nonlinear_benchmarks.EMPS(data_file_locations=True)
+    files = importlib.import_module("nonlinear_benchmarks").EMPS(data_file_locations=True)
     return sorted({Path(file).parent for file in files})
 
 
