@@ -25,6 +25,8 @@ from frictionjax.recordings.case import case_from_table
 VARIABLE = "FRICTIONJAX_DATA"
 """Environment variable: folders to search, separated as in PATH."""
 
+_FETCHER = "nonlinear_benchmarks"  # an extra: loaded only where it is asked for
+
 
 class Machine(eqx.Module):
     """A machine whose recordings are published.
@@ -97,11 +99,11 @@ def _checksum(path: Path) -> str:
 
 
 def _fetched_by_nonlinear_benchmarks() -> list[Path]:
-    if importlib.util.find_spec("nonlinear_benchmarks") is None:
+    if importlib.util.find_spec(_FETCHER) is None:
         raise InputError(
             "nonlinear-benchmarks is not installed", cure='Run pip install "frictionjax[benchmarks-data]"'
         )
-    files = importlib.import_module("nonlinear_benchmarks").EMPS(data_file_locations=True)
+    files = importlib.import_module(_FETCHER).EMPS(data_file_locations=True)
     return sorted({Path(file).parent for file in files})
 
 
