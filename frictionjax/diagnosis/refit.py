@@ -157,10 +157,22 @@ def refit_all(
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
-        # Imposed motions take what steps they need: they are few.
-        return joint, descend(
-            joint, vector, graduate=graduate, steps=12 if graduate else _FIRST, tolerance=0.03
-        )
+        if graduate:
+            return joint, lowest(joint, [vector, *other_starts(joint, vector)])
+        return joint, descend(joint, vector, graduate=False, steps=_FIRST, tolerance=0.03)
+
+    def other_starts(joint: Joint, vector) -> list:
+        """`vector` with a strength of the effect where a refit of it begins besides."""
+        starts = []
+        for place in range(len(model.joint.layout), len(joint.layout)):
+            free = joint.layout[place]
+            if free.parameter.other_start is not None:
+                starts.append(vector.at[place].set(free.parameter.other_start / float(free.scale)))
+        return starts
+
+    def lowest(joint: Joint, starts: list) -> Fitted:
+        ends = [descend(joint, start, steps=12, tolerance=0.03) for start in starts]
+        return min(ends, key=lambda fitted: fitted.misfit)
 
     def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
@@ -177,13 +189,8 @@ def refit_all(
             for place in range(own.start, own.stop):
                 name = joint.layout[place].parameter.name
                 start = start.at[place].set(shown.get(name, start[place]))
-        starts = [start]
-        for place in range(own.start, own.stop):
-            free = joint.layout[place]
-            if free.parameter.other_start is not None:
-                starts.append(start.at[place].set(free.parameter.other_start / float(free.scale)))
-        others = [descend(joint, begin, steps=12, tolerance=0.03) for begin in starts]
-        return joint, min([found, *others], key=lambda fitted: fitted.misfit)
+        other = lowest(joint, [start, *other_starts(joint, start)])
+        return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
