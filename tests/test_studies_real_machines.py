@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from frictionjax.core import InputError
-from frictionjax.studies.real_machines import MACHINES, VARIABLE, files_of, load_machine
+from frictionjax.studies.real_machines import MACHINES, VARIABLE, files_of, load_machine, load_speed_error
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
 
@@ -54,3 +55,18 @@ def test_the_recordings_are_cut_as_the_notebook_says(name):
     fit, held, rate = EXPECTED[name]
     assert (len(case.fit_recordings), len(case.holdout_recordings)) == (fit, held)
     assert {recording.sample_rate for recording in case.recordings} == {rate}
+
+
+def test_a_load_behind_a_spring_is_told_from_a_stiff_shaft():
+    """Speeds made by the transfer function itself, and by a stiff shaft."""
+    count, lines = 2500, np.arange(11, 250)
+    s = 1j * lines / 54.0
+    passed = (2.0 * 0.03 * s + 1.0) / (s**2 + 2.0 * 0.03 * s + 1.0)
+    phases = np.exp(2j * np.pi * np.random.default_rng(0).random(lines.size))
+    spectra = np.zeros((3, count // 2 + 1), complex)
+    spectra[0, lines], spectra[1, lines], spectra[2, lines] = phases, -passed * phases, -phases
+    motor, sprung, stiff = (np.tile(np.fft.irfft(spectrum, count), 5) for spectrum in spectra)
+    assert load_speed_error(motor, sprung, 54.0, 0.03) < 1e-9
+    assert load_speed_error(motor, stiff, np.inf, 0.03) < 1e-9
+    assert load_speed_error(motor, sprung, 50.0, 0.03) > 0.1
+    assert load_speed_error(motor, sprung, np.inf, 0.03) > 0.5

@@ -89,6 +89,32 @@ def files_of(
     return found
 
 
+def load_speed_error(motor: np.ndarray, load: np.ndarray, frequency: float, damping: float) -> float:
+    """Part of the load's measured speed that is not what a spring makes of the motor's: root mean square over the
+    excited lines, over that of the load's speed.
+
+    A load behind a spring turns with (2 zeta s + 1)/(s^2 + 2 zeta s + 1) of the motor's speed, s = i f/f_a.
+
+    **Arguments:**
+
+    - `motor`, `load`: the speeds of the motor bench, one unit, shape `(n,)`; they count in opposite directions.
+    - `frequency`: antiresonance f_a, Hz; infinite for a stiff shaft.
+    - `damping`: its damping ratio zeta.
+    """
+    settled = slice(_SETTLING * _BENCH_PERIOD, motor.size // _BENCH_PERIOD * _BENCH_PERIOD)
+    means = (np.mean(speed[settled].reshape(-1, _BENCH_PERIOD), axis=0) for speed in (motor, load))
+    told, measured = (np.fft.rfft(mean) for mean in means)
+    lines = np.flatnonzero(np.abs(told) > _EXCITED * np.max(np.abs(told)))  # of 1 Hz
+    s = 1j * lines / frequency
+    passed = (2.0 * damping * s + 1.0) / (s**2 + 2.0 * damping * s + 1.0)
+    missed = measured[lines] + passed * told[lines]
+    return float(np.linalg.norm(missed) / np.linalg.norm(measured[lines]))
+
+
+_BENCH_PERIOD, _SETTLING = 2500, 2  # samples of a period of the bench's multisine; periods left out
+_EXCITED = 0.05  # of the largest line
+
+
 def _folders() -> Iterator[Path]:
     yield from (Path(folder) for folder in os.environ.get(VARIABLE, "").split(os.pathsep) if folder)
     yield user_data_path("frictionjax")

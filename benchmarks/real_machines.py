@@ -1,0 +1,80 @@
+"""`python -m benchmarks.real_machines [NAME ...]`: what `diagnose` says of published recordings, a row for each machine.
+
+Recordings are looked for where the environment variable FRICTIONJAX_DATA says; what is absent is named on stderr.
+"""
+
+import sys
+import warnings
+
+import numpy as np
+from scipy.io import loadmat
+
+import frictionjax as fj
+from frictionjax.studies.real_machines import MACHINES, files_of, load_machine, load_speed_error
+
+
+def held_out(found, kind: str, model: str) -> float:
+    """Root mean square over the held-out recordings of an error of a model, position or force units."""
+    held = [fit for fit in found.recordings if fit.role == "holdout"]
+    return float(np.sqrt(np.mean([getattr(fit, f"{kind}_{model}") ** 2 for fit in held])))
+
+
+def row(name: str, found) -> str:
+    """One machine as a row of the table."""
+    named = "; ".join(
+        f"{m.effect} ("
+        + ", ".join(f"{k} {e.value:.3g} ± {e.stderr:.1g}" for k, e in m.parameters.items())
+        + ")"
+        for m in found.missing
+    )
+    ahead, free = (
+        f"{held_out(found, kind, 'base'):.3g} → {held_out(found, kind, 'extended'):.3g}"
+        for kind in ("prediction_rmse", "free_run_rmse")
+    )
+    imposed = found.recordings[0].drive == "motion"
+    unit = found.plant.force_unit if imposed else found.plant.position_unit
+    left = f"{100 * found.unexplained.share:.0f} %" if found.unexplained.present else "nothing"
+    return (
+        f"| {name} | {found.verdict} | {named or 'nothing'} | {ahead} | {free} | {unit} | {left} | "
+        f"{found.seconds['total']:.0f} ({found.seconds['compile']:.0f}) |"
+    )
+
+
+def load_speed(found) -> str:
+    """How well the spring that was found predicts the load's speed, which no fit has seen."""
+    frequency, damping = (found.extended[name].value for name in ("frequency", "damping"))
+    said = []
+    for name, path in files_of("motor_bench").items():
+        file = loadmat(path)
+        motor, load = (np.ravel(file[channel]) for channel in ("omega_max", "omega_may"))
+        spring, rigid = (load_speed_error(motor, load, f, damping) for f in (frequency, np.inf))
+        said.append(f"{name}: {100 * spring:.1f} % (stiff shaft: {100 * rigid:.0f} %)")
+    return "Load speed of the motor bench missed by " + ", ".join(said)
+
+
+def main() -> int:
+    """Print the table."""
+    warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
+    fj.configure_jax()
+    sys.stdout.write(
+        "| machine | verdict | named | held-out error 0.1 s ahead, base → extended | free run | unit | "
+        "misfit left | s (compile, all threads) |\n|---|---|---|---|---|---|---|---|\n"
+    )
+    notes = []
+    for name in sys.argv[1:] or list(MACHINES):
+        try:
+            case = load_machine(name)
+        except fj.InputError as absent:
+            sys.stderr.write(f"{name}: left out. {absent}\n")
+            continue
+        found = fj.diagnose(case)
+        sys.stdout.write(row(name, found) + "\n")
+        sys.stdout.flush()
+        if name == "motor_bench" and found.missing and found.missing[0].effect == "flexible_transmission":
+            notes.append(load_speed(found))
+    sys.stdout.write("".join(f"\n{note}\n" for note in notes))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
