@@ -1,4 +1,4 @@
-"""`python -m benchmarks.real_machines [NAME ...]`: what `diagnose` says of published recordings, a row for each machine.
+"""`python -m benchmarks.real_machines [NAME ...]`: what `diagnose` says of published recordings, a row for each.
 
 Recordings are looked for where the environment variable FRICTIONJAX_DATA says; what is absent is named on stderr.
 """
