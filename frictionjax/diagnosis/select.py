@@ -139,9 +139,12 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
     - `found`: the candidate against the model without it.
     - `before`: that model.
     - `floor`: power of each block that a perfect model would leave.
-    - `p_value`: of its score test; where that is not significant, a clear lead of the refit is.
+    - `p_value`: of its score test; where that is not significant, a clear lead of the refit is, and so is a refit that
+        brings a model inadequate on both the fitted and the held-out recordings to the noise on both: what acts in a
+        few seconds of many has few clusters to be tested in.
     """
-    if p_value > SIGNIFICANCE and not (found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]):
+    leads = found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]
+    if p_value > SIGNIFICANCE and not leads and not _mends(found, before.misfits(floor)):
         return False, f"not significant (p = {p_value:.2g})"
     if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
         return True, ""
@@ -151,6 +154,14 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
         return True, ""
     shares = f"{100 * found.share_fit:.0f} % on the fit, {100 * found.share_holdout:.0f} % on the held-out"
     return False, f"explains too little ({shares} recordings)"
+
+
+def _mends(found: Compared, olds: tuple[float, float]) -> bool:
+    """Whether the candidate is adequate on fit and held-out recordings, and the model without it was so on neither."""
+    news = [
+        old * (1.0 - share) for old, share in zip(olds, (found.share_fit, found.share_holdout), strict=True)
+    ]
+    return min(olds) > ADEQUATE_MISFIT and max(news) < ADEQUATE_MISFIT
 
 
 def select(

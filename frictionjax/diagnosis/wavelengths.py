@@ -7,7 +7,10 @@ from scipy.signal import find_peaks
 from frictionjax.estimation.batch import AbstractBatch
 
 _FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
-_SHORTEST_WAVE = 40  # samples of travel at top speed: shorter waves alias with the observer's own dynamics
+_TALLEST = 5.0  # times the median bin of the profile along the stroke: the most that one bin counts
+_SHORTEST_WAVE = (
+    40  # samples of travel at the usual speed: shorter waves alias with the observer's own dynamics
+)
 
 
 def wavelengths(
@@ -34,9 +37,14 @@ def wavelengths(
     """
     power = np.asarray(batch.block_mean(jnp.asarray(innovation**2)))
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
-    top = max(float(np.quantile(np.abs(speed), 0.999)), 1e-300)
-    least = 0.0 if fine else 0.02 * top
-    sliding = (np.abs(speed) >= least) & (weight > 0)
+    # Vibration in stick is fast, and goes nowhere: what counts is how far the machine gets within a block.
+    travel = np.abs(speed.reshape(speed.shape[0], -1, batch.block).mean(-1))
+    moving = travel >= 0.02 * max(float(np.quantile(travel, 0.999)), 1e-300)
+    if not np.any(moving):
+        return ()
+    usual = float(np.median(travel[moving]))
+    getting_on = np.repeat(moving, batch.block, axis=-1)
+    sliding = (weight > 0) & (fine | getting_on)
     if sliding.sum() < 1000:
         return ()
     x = np.asarray(batch.x)[sliding]
@@ -47,10 +55,13 @@ def wavelengths(
     total = np.bincount(place, value - value.mean(), minlength=bins)
     occupied = np.bincount(place, minlength=bins)
     profile = np.where(occupied > 0, total / np.sqrt(np.maximum(occupied, 1)), 0.0)
+    # A place where the machine stays for long has all periods.
+    most = _TALLEST * float(np.median(np.abs(profile[occupied > 0])))
+    profile = np.clip(profile, -most, most)
     finer = 2 if fine else 8
     spectrum = np.abs(np.fft.rfft(profile, finer * bins))
     cycles = np.arange(spectrum.size) / finer
-    shortest = _SHORTEST_WAVE * top * float(np.min(np.asarray(batch.dt)))
+    shortest = _SHORTEST_WAVE * usual * float(np.min(np.asarray(batch.dt)))
     if fine:
         shortest = 4.0 * span / bins
     spectrum[(cycles < (20.0 if fine else _FEWEST)) | (cycles > span / shortest)] = 0.0

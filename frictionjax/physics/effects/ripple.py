@@ -46,3 +46,34 @@ class Ripple(AbstractForceEffect):
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         angle = 2.0 * jnp.pi * now.x / self.period
         return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+
+
+class RippleWithOvertone(AbstractForceEffect):
+    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave that is
+    no sine.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: amplitudes, force units; `sine2`, `cosine2`: those at half the period.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = Ripple.name
+    about: ClassVar[About] = Ripple.about
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        *Ripple.strengths,
+        Parameter("sine2", "{force}", "sine amplitude at half the period", scale="Fc", probes=(0.02,)),
+        Parameter("cosine2", "{force}", "cosine amplitude at half the period", scale="Fc", probes=(0.02,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = Ripple.nuisances
+
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * now.x / self.period
+        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        return first + self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)
