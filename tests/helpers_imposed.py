@@ -39,11 +39,12 @@ def reference(
     hardening=0.0,
     creep=(0.0, 1.0),
     slip=lambda bend, direction: bend,
-    state=(0.0, lambda v, h: 0.0, lambda v, h, level: level),
+    state=(0.0, lambda v, h, bend: 0.0, lambda v, h, level: level),
 ):
     """Friction force and deflection at the instants `t`, the equations written out again; both sides of a corner.
 
-    `state`: the first value of a state, its rate, and the level that it makes of the level.
+    `state`: the first value of a state, its rate (`bend`: force of the bristle over the level without it), and the
+    level that it makes of the level.
     """
     _, s0, s1, s2, fc, fs, vs = numbers(drive)
     compliance, lag = creep
@@ -51,13 +52,16 @@ def reference(
     unit = fs / s0
 
     def parts(x, v, y):
-        level = own_level(v, y[2], (fc + (fs - fc) * np.exp(-((v / vs) ** 2))) * shape(x, v))
+        plain = (fc + (fs - fc) * np.exp(-((v / vs) ** 2))) * shape(x, v)
+        level = own_level(v, y[2], plain)
         z, crept = y[:2] * unit
         spring = s0 * z * (1.0 + hardening * (s0 * z / fs) ** 2)
         crept_rate = (compliance * spring / s0 - crept) / lag
         seen = v - crept_rate
         rate = seen - abs(seen) * slip(spring / level, 1.0 if v >= 0.0 else -1.0)
-        return spring + s1 * rate + s2 * v, np.array([rate / unit, crept_rate / unit, state_rate(v, y[2])])
+        return spring + s1 * rate + s2 * v, np.array(
+            [rate / unit, crept_rate / unit, state_rate(v, y[2], spring / plain)]
+        )
 
     cuts = np.unique(np.concatenate([[t[0], t[-1]], [c for c in corners if t[0] + 1e-9 < c < t[-1] - 1e-9]]))
     force, deflection, sides, y = np.zeros(t.size), np.zeros(t.size), np.zeros(t.size), np.zeros(3)

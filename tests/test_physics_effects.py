@@ -103,7 +103,7 @@ def _steady(level=1.0, more=0.0):
 
 def _aged(growth, rise):
     """Of an age that sliding holds at 15 um over the speed."""
-    return lambda x, v: np.sign(v) * growth * FC * rise(1.5e-5 / abs(v)) * np.exp(-((v / VS) ** 2))
+    return lambda x, v: np.sign(v) * growth * FC * rise(1.5e-5 / abs(v))
 
 
 SLIDING = {
@@ -135,6 +135,10 @@ SLIDING = {
     "Ripple": (
         {"sine": 0.1, "cosine": 0.2},
         lambda x, v: np.sign(v) * _level(v) + S2 * v + _wave(x, 0.1, 0.2),
+    ),
+    "RippleWithOvertone": (
+        {"sine": 0.1, "cosine": 0.2, "sine2": 0.05, "cosine2": -0.03},
+        lambda x, v: np.sign(v) * _level(v) + S2 * v + _wave(x, 0.1, 0.2) + _wave(x, 0.05, -0.03, 2e-4),
     ),
     "StribeckShape": (
         {"exponent_change": -1.0},

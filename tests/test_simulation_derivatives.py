@@ -118,6 +118,8 @@ def test_strengths_have_derivatives_at_rest():
         ("MainsPickup", "sine"),
         ("MainsPickup", "cosine"),
         ("Ripple", "cosine"),
+        ("RippleWithOvertone", "cosine"),
+        ("RippleWithOvertone", "cosine2"),
     }
 
 

@@ -44,15 +44,21 @@ EFFECTS = {
 EFFECTS |= {
     "FrictionLag": (
         {"lag": 0.02},
-        {"state": (0.0, lambda v, w: (v - w) / 0.02, lambda v, w, G: G + 0.5 * (_needle(w) - _needle(v)))},
+        {
+            "state": (
+                0.0,
+                lambda v, w, bend: (v - w) / 0.02,
+                lambda v, w, G: G + 0.5 * (_needle(w) - _needle(v)),
+            )
+        },
     ),
     "DwellStrengthening": (
         {"growth": 0.1, "onset": 0.01, "length": 1e-5},
         {
             "state": (
                 1.0,
-                lambda v, age: 1.0 - abs(v) * age / 1e-5,
-                lambda v, age, G: G + 0.1 * np.log1p(age / 0.01) * _needle(v),
+                lambda v, age, bend: 1.0 - abs(v) * min(abs(bend), 1.0) * age / 1e-5,
+                lambda v, age, G: G + 0.1 * np.log1p(age / 0.01),
             )
         },
     ),
@@ -61,18 +67,18 @@ EFFECTS |= {
         {
             "state": (
                 1.0,
-                lambda v, age: 1.0 - abs(v) * age / 1.5e-5,
-                lambda v, age, G: G + 0.5 * (1.0 - np.exp(-age / 0.02)) * _needle(v),
+                lambda v, age, bend: 1.0 - abs(v) * min(abs(bend), 1.0) * age / 1.5e-5,
+                lambda v, age, G: G + 0.5 * (1.0 - np.exp(-age / 0.02)),
             )
         },
     ),
     "WarmupByTime": (
         {"fall": 0.4, "time_constant": 1.0},
-        {"state": (0.0, lambda v, T: 1.0 - T, lambda v, T, G: G * (1.0 - 0.4 * T))},
+        {"state": (0.0, lambda v, T, bend: 1.0 - T, lambda v, T, G: G * (1.0 - 0.4 * T))},
     ),
     "WarmupByHeat": (
         {"fall": 0.5, "time_constant": 1.0, "distance": 1e-4},
-        {"state": (0.0, lambda v, T: abs(v) / 1e-4 - T, lambda v, T, G: G / (1.0 + 0.5 * T))},
+        {"state": (0.0, lambda v, T, bend: abs(v) / 1e-4 - T, lambda v, T, G: G / (1.0 + 0.5 * T))},
     ),
     "SharpYield": ({"exponent_change": 1.0}, {"slip": lambda bend, direction: bend * abs(bend)}),
     "ElastoPlastic": ({"plasticity": 1.0, "core": 0.5}, {"slip": _core}),

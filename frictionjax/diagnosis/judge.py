@@ -83,13 +83,21 @@ def explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[f
     Where one set shows what the other hardly does, what the other leaves is counted against what would be adequate: a
     share of a misfit at the floor is chance.
     """
-    olds, news = before.misfits(floor), after.misfits(floor)
-    least = ADEQUATE_MISFIT if max(olds) > ADEQUATE_MISFIT else 0.0
-    shares = [
-        1.0 - new / max(old, least) if max(old, least) > 0.0 else 0.0
-        for old, new in zip(olds, news, strict=True)
-    ]
+    wholes, news = _wholes(before.misfits(floor)), after.misfits(floor)
+    shares = [1.0 - new / whole if whole > 0.0 else 0.0 for whole, new in zip(wholes, news, strict=True)]
     return shares[0], shares[1]
+
+
+def _wholes(misfits: tuple[float, float]) -> tuple[float, float]:
+    """What a share of the `misfits` is a share of."""
+    least = ADEQUATE_MISFIT if max(misfits) > ADEQUATE_MISFIT else 0.0
+    return max(misfits[0], least), max(misfits[1], least)
+
+
+def left_over(misfits: tuple[float, float], shares: tuple[float, float]) -> tuple[float, float]:
+    """The misfits that are left of `misfits` where these `shares` of them are `explained`: fit, held-out."""
+    fit, held = (whole * (1.0 - share) for whole, share in zip(_wholes(misfits), shares, strict=True))
+    return fit, held
 
 
 def energy_explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, 
 from frictionjax.estimation.robust_fit import Fitted, descend
 from frictionjax.physics.effects import AbstractLoadEffect
 
-_LEFT = 0.5  # part of the present misfit: when all refits leave more of it, they get a second start
+_LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
 _NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
 _KIN = 2  # effects that are easily taken for the leader and are refitted with it, in all their forms

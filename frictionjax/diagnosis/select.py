@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionjax.core import Progress
 from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, judge
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, judge, left_over
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
@@ -140,8 +140,8 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
     - `before`: that model.
     - `floor`: power of each block that a perfect model would leave.
     - `p_value`: of its score test; where that is not significant, a clear lead of the refit is, and so is a refit that
-        brings a model inadequate on both the fitted and the held-out recordings to the noise on both: what acts in a
-        few seconds of many has few clusters to be tested in.
+        brings the held-out recordings, which it never saw, to the noise: what acts in a few seconds of many has few
+        clusters to be tested in.
     """
     leads = found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]
     if p_value > SIGNIFICANCE and not leads and not _mends(found, before.misfits(floor)):
@@ -157,11 +157,10 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
 
 
 def _mends(found: Compared, olds: tuple[float, float]) -> bool:
-    """Whether the candidate is adequate on fit and held-out recordings, and the model without it was so on neither."""
-    news = [
-        old * (1.0 - share) for old, share in zip(olds, (found.share_fit, found.share_holdout), strict=True)
-    ]
-    return min(olds) > ADEQUATE_MISFIT and max(news) < ADEQUATE_MISFIT
+    """Whether the candidate is adequate on fit and held-out recordings, and the model without it was not so on the
+    held-out ones, which no fit has seen."""
+    news = left_over(olds, (found.share_fit, found.share_holdout))
+    return olds[1] > ADEQUATE_MISFIT and max(news) < ADEQUATE_MISFIT
 
 
 def select(
