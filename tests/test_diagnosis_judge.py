@@ -7,7 +7,15 @@ import pytest
 from helpers_estimation import FINE, PLANT, RATE, small_case
 
 from frictionjax.diagnosis.evaluate import recording_fits, view
-from frictionjax.diagnosis.judge import Judgement, Scene, advantage, energy_explained, explained, judge
+from frictionjax.diagnosis.judge import (
+    Judgement,
+    Scene,
+    advantage,
+    energy_explained,
+    explained,
+    judge,
+    left_over,
+)
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, losses_of, make_joint
 from frictionjax.estimation.parameters import pack
@@ -57,6 +65,8 @@ def test_the_explained_share_is_that_of_the_misfit_above_the_floor(quiet, before
     judged = [_judged(quiet, floor * _powers(quiet, *misfits)) for misfits in (before, after)]
     assert judged[0].misfits(ground) == pytest.approx(before, abs=1e-9)
     assert explained(*judged, ground) == pytest.approx(shares, abs=1e-9)
+    if max(before) > 0.0:
+        assert left_over(before, shares) == pytest.approx(after, abs=1e-9)
 
 
 def _with_losses(batch, lead):

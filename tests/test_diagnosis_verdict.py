@@ -85,6 +85,16 @@ def test_two_effects_explain_together():
     assert left == (False, pytest.approx(0.004 / 0.3))
 
 
+def test_what_brings_held_out_recordings_to_the_noise_is_significant():
+    """Two seconds of fast motion in a minute have few clusters to be tested in."""
+    weak = 10.0 * SIGNIFICANCE
+    assert acceptable(_compared(0.9, 0.95), _judged(0.05), FLOOR, weak)[0]
+    assert acceptable(_compared(0.5, 0.95), _judged(0.002, 0.05), FLOOR, weak)[0]
+    # Not what leaves something, nor what only the fitted recordings show.
+    assert not acceptable(_compared(0.9, 0.7), _judged(0.05), FLOOR, weak)[0]
+    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.005), FLOOR, weak)[0]
+
+
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
     verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))

@@ -51,6 +51,23 @@ def test_friction_is_told_from_cogging(stroke):
     assert wavelengths(e, v, batch, odd=False)[0] != pytest.approx(0.05, rel=0.05)
 
 
+def test_a_fast_move_and_a_bias_in_stick_do_not_hide_a_short_period():
+    """A quarter of the time the machine vibrates in stick, held off its model; once it moves ten times faster."""
+    fast = np.where(T[-1] / 20.0 > T, T, 0.0)
+    x = np.stack([_swing(0.5)[0], 1e-5 * np.sin(2.0 * np.pi * 90.0 * T) + 0.05])
+    x[0] += 0.1 * np.sin(2.0 * np.pi * 5.0 * fast)
+    v = np.gradient(x, 1.0 / RATE, axis=1)
+    noise = np.random.default_rng(2).standard_normal((2, N))
+    recordings = tuple(
+        Recording(name, RATE, 0.1 + 0 * T, x[k] + 1e-6 * noise[k]) for k, name in enumerate("ab")
+    )
+    batch = make_batch(recordings, encoder_step=FINE)
+    period = 0.02
+    e = 2.0 * np.sin(2.0 * np.pi * x / period + 0.7) + np.random.default_rng(3).standard_normal(x.shape)
+    assert np.mean(e[1]) ** 2 > 0.5
+    assert wavelengths(e, v, batch, odd=False)[0] == pytest.approx(period, rel=0.01)
+
+
 def test_without_motion_there_is_no_period():
     still = Recording("still", RATE, 0 * T[:2000], 1e-6 * np.random.default_rng(4).standard_normal(2000))
     batch = make_batch((still,), encoder_step=FINE)
