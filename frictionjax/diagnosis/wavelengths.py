@@ -8,9 +8,8 @@ from frictionjax.estimation.batch import AbstractBatch
 
 _FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
 _TALLEST = 5.0  # times the median bin of the profile along the stroke: the most that one bin counts
-_SHORTEST_WAVE = (
-    40  # samples of travel at the usual speed: shorter waves alias with the observer's own dynamics
-)
+# Samples of travel at the usual speed: shorter waves alias with the observer's own dynamics.
+_SHORTEST_WAVE = 40
 
 
 def wavelengths(

@@ -22,7 +22,8 @@ def _slip(friction: LuGre, now: Now) -> Float[Array, ""]:
 
 
 class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
-    """G -> G + growth Fc log(1 + theta/onset) with the age of contacts dtheta/dt = 1 - v_s theta/length.
+    """G -> G + growth Fc log(1 + theta/onset) with the age of contacts dtheta/dt = 1 - v_s theta/length, v_s
+    = |v| |F_z|/G(v) the velocity at which they slip.
 
     **Arguments:**
 
@@ -82,7 +83,7 @@ class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
 
 
 class SaturatingStrengthening(AbstractStateEffect, AbstractLevelEffect):
-    """G -> G + growth Fc (1 - exp(-theta/time)), dtheta/dt = 1 - v_s theta sigma0/Fs.
+    """G -> G + growth Fc (1 - exp(-theta/time)), dtheta/dt = 1 - v_s theta sigma0/Fs, v_s = |v| |F_z|/G(v).
 
     **Arguments:**
 
