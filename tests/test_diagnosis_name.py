@@ -65,7 +65,7 @@ def test_a_form_is_tried_at_every_point_of_its_grid(form):
 
 
 def test_without_a_period_nothing_periodic_is_tried():
-    (form,) = catalogue()["ripple"]
+    form = catalogue()["ripple"][0]
     assert forms_to_try(form, SCALES, {"odd_period": (), "even_period": ()}) == []
 
 

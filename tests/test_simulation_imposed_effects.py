@@ -6,7 +6,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_imposed import MOTION, differences, reference, sine, worst
-from helpers_plants import FORMS, LOADS, SENSORS, STATES, STRENGTHS, TABLE_I, effect, with_every_effect
+from helpers_plants import (
+    FORMS,
+    LOADS,
+    SENSORS,
+    STATES,
+    STRENGTHS,
+    TABLE_I,
+    effect,
+    some_slow,
+    with_every_effect,
+)
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate_imposed
@@ -138,7 +148,7 @@ FORCES = {
 }
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", some_slow(FORMS, (*FORCES, "Creep", "DwellStrengthening", "MaxwellSlip")))
 def test_every_effect_runs_and_beside_the_law_adds_its_force(form):
     motion, _ = sine(2e-4, 2.0)
     t = np.arange(501) / 500.0
