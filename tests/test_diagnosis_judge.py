@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, RATE, small_case
 
-from frictionjax.diagnosis.evaluate import recording_fits, view
+from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.judge import (
     Judgement,
     Scene,
@@ -35,6 +35,18 @@ def _quiet(name, role, samples):
 def quiet():
     """A recording kept aside and a longer one to fit, of which nothing but the shape is used."""
     return make_batch((_quiet("kept", "holdout", 3000), _quiet("fit", "fit", 4000)), encoder_step=FINE)
+
+
+def test_the_held_out_error_is_that_of_the_recordings_kept_aside_in_units_of_their_noise(quiet):
+    """What is wrong in a fitted recording, or before the scoring begins, is not in it; an overflow is infinite."""
+    scene = Scene(quiet, np.array([True, False]), 50.0, ("kept", "fit"))
+    x, valid, noise = (np.asarray(part) for part in (quiet.x, quiet.valid, quiet.noise))
+    ahead = x + 2.0 * noise[:, None] * np.where(valid > 0, 1.0, 1e6)
+    ahead[1] += 1.0
+    seen = View(ahead, ahead, x, x, x, x)
+    assert held_out_error(seen, scene) == pytest.approx(2.0, rel=1e-6)
+    ahead[0, int(np.flatnonzero(valid[0])[5])] = np.nan
+    assert held_out_error(seen, scene) == float("inf")
 
 
 def _judged(batch, power, held_out=(True, False)):

@@ -1,11 +1,13 @@
 """Published machines: found by checksum, refused with a cure, cut as the notebook says."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frictionjax.core import InputError
+from frictionjax.recordings.case import case_from_table
 from frictionjax.studies.real_machines import MACHINES, VARIABLE, files_of, load_machine, load_speed_error
 
 REAL = Path(__file__).parents[2] / "shared" / "real"
@@ -55,6 +57,33 @@ def test_the_recordings_are_cut_as_the_notebook_says(name):
     fit, held, rate = EXPECTED[name]
     assert (len(case.fit_recordings), len(case.holdout_recordings)) == (fit, held)
     assert {recording.sample_rate for recording in case.recordings} == {rate}
+
+
+def _log(path, gain):
+    """A servo's log as it is published: 300 rows, the duty a signed 16-bit register that is shown unsigned."""
+    t = 100.0 + np.arange(300) / 190.0
+    rows = [
+        {
+            "timestamp": s,
+            "position": 1e-3 * gain * np.sin(s),
+            "load": 443 if s < 100.8 else 65536 - 885,
+            "input_volts": 7.0,
+        }
+        for s in t
+    ]
+    path.write_text(json.dumps({"kp": gain, "trajectory": "sine", "entries": rows}))
+
+
+def test_a_log_of_the_servo_becomes_volts_at_one_rate(tmp_path):
+    files = {f"{gain}.json": tmp_path / f"{gain}.json" for gain in (100, 200)}
+    for name, path in files.items():
+        _log(path, int(name.split(".")[0]))
+    case = case_from_table(MACHINES["pendulum"].table(files, tmp_path), "pendulum")
+    assert [r.role for r in case.recordings] == ["fit", "holdout"]
+    run = case.recordings[0]
+    assert (run.sample_rate, run.loop, case.name) == (188.0, "closed", "pendulum")
+    assert run.u[0] == pytest.approx(443 / 885 * 7.0) and run.u[-1] == pytest.approx(-7.0)
+    np.testing.assert_allclose(run.x, 0.1 * np.sin(100.0 + np.arange(run.x.size) / 188.0), atol=1e-5)
 
 
 def test_a_load_behind_a_spring_is_told_from_a_stiff_shaft():

@@ -32,8 +32,8 @@ class Machine(eqx.Module):
     """A machine whose recordings are published.
 
     **Attributes:** `title` (what it is), `known` (what is known of its physics from elsewhere), `source` (where its
-    recordings are to be had, a sentence), `files` (name -> SHA-256), `table` (from the folder of the files' copies to
-    the keys of a case file).
+    recordings are to be had, a sentence), `files` (name -> SHA-256), `table` (from where the files are, and
+    a folder for what must be converted, to the keys of a case file).
     """
 
     title: str = eqx.field(static=True)
