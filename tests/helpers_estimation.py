@@ -105,7 +105,7 @@ def moves(seconds=2.4, positions=(0.3, -0.1, 0.02), durations=(0.3, 0.4, 0.6)):
     return np.asarray(point_to_point(round(seconds * RATE), RATE, positions, durations, rests=0.2))
 
 
-def experiment(*, drive=PLANT, late=0, seed=0, noise=NOISE, substeps=1, seconds=4.0):
+def experiment(*, drive=PLANT, late=0, seed=0, noise=NOISE, substeps=4, seconds=4.0):
     """Four recordings that show every base parameter; the input acts `late` samples after it is recorded.
 
     `seconds` is the length of the two noise recordings.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers_estimation import (
     FINE,
+    NOISE,
     PLANT,
     base_fit,
     closed_loop,
@@ -23,6 +24,7 @@ from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation import starting_values
 from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.robust_fit import Fitted, descend
@@ -72,7 +74,10 @@ def test_the_truth_is_recovered_from_starting_values(fitted, parameters):
     _recovered(parameters, truth(PLANT))
     assert fitted.fitted.converged
     assert message_of(fitted) == ""
-    assert truth(fitted.judgement.drive) == pytest.approx({k: e.value for k, e in parameters.items()})
+    # The drive is that which predicts best with one step a sample, the parameters those of finer steps.
+    assert truth(fitted.judgement.drive) == pytest.approx(
+        {k: e.value for k, e in parameters.items()}, rel=2e-3
+    )
     assert max(e.stderr / e.value for e in parameters.values()) < 0.005
 
 
@@ -143,8 +148,8 @@ def test_the_best_of_several_starts_goes_on(fitted, parameters):
         (first.friction.sigma0 / 300.0, first.friction.vs * 20.0),
     )
     again = base_fit((hopeless, first), experiment())
-    for name, value in truth(again.judgement.drive).items():
-        assert abs(value - parameters[name].value) < parameters[name].stderr
+    for name, found in parameters_of(again, UNITS).items():
+        assert abs(found.value - parameters[name].value) < parameters[name].stderr
 
 
 def test_a_regime_that_the_model_misses_does_not_pull_the_others():
@@ -267,12 +272,30 @@ def test_sliding_alone_recovers_the_truth():
     _recovered(parameters_of(found, UNITS), truth(PLANT))
 
 
-@pytest.mark.slow
-def test_a_fine_simulation_is_recovered_too():
-    """Simulated with four steps a sample: what one step a sample costs is below 1.5 % of any parameter."""
-    found = base_fit((_other_start(Fc=0.9),), experiment(substeps=4, seed=3))
-    for name, value in truth(PLANT).items():
-        assert truth(found.judgement.drive)[name] == pytest.approx(value, rel=0.015)
+def test_finer_steps_take_out_what_one_step_a_sample_costs():
+    """Simulated with four steps a sample and a fiftieth of the noise: a descent takes one step, and is biased."""
+    batch = make_batch(experiment(noise=0.02 * NOISE, seed=3), encoder_step=0.02 * FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    found = descend(slow, vector, graduate=False)
+    parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
+    coarse, expected = truth(slow.drive(found.vector)), truth(PLANT)
+    fine = {name: estimate.value for name, estimate in parameters.items()}
+
+    def farthest(values):
+        return max(abs(values[name] - expected[name]) / parameters[name].stderr for name in expected)
+
+    assert farthest(coarse) > 5.0
+    assert farthest(fine) < 3.0
+
+
+def test_finer_steps_that_lead_away_change_nothing(fitted):
+    """From a vector that is no minimum, and from derivatives that are not finite."""
+    joint, vector = fitted.joint, fitted.fitted.vector
+    away = vector.at[1].add(0.5)
+    np.testing.assert_array_equal(at_finer_steps(joint, away, joint.look(away)), away)
+    lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
+    np.testing.assert_array_equal(at_finer_steps(joint, vector, lost), vector)
 
 
 @pytest.mark.slow

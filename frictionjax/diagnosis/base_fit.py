@@ -10,6 +10,7 @@ from frictionjax.diagnosis.begin import Beginning
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation.batch import AbstractBatch
+from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import Fitted, descend
@@ -66,9 +67,10 @@ def fit_base(
 
 
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
-    """Physical values of the free parameters of `model` with standard errors by the clustered sandwich; `units` maps
-    force, position, input to unit names."""
-    joint, vector = model.joint, model.fitted.vector
+    """Physical values of the free parameters of `model`, without the error of one integration step a sample, with
+    standard errors by the clustered sandwich; `units` maps force, position, input to unit names."""
+    joint = model.joint
+    vector = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
     hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))

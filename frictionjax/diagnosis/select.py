@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise
+from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise, quietness
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, judge, left_over
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import Present, present_model
@@ -219,9 +219,10 @@ def select(
 def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:
     """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
-    force = min(force_noise(power, answer, model.joint) for power in powers)
+    quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
+    force = min(force_noise(power, answer, model.joint, quiet) for power in powers)
     # Errors that do not count in the fits do not count here either.
-    floor = np.maximum(floor_of(force, answer), model.joint.batch.eased[:, None])
+    floor = np.maximum(floor_of(force, answer, quiet), model.joint.batch.eased[:, None])
     compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
     ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
     p_values = effect_p_values(trials)

@@ -1,0 +1,91 @@
+"""The floor: the unmeasured force and the measurement noise that a true model leaves, told from what is planted."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import FINE, NOISE, PLANT, RATE, break_away, open_loop, stick_noise
+
+from frictionjax.diagnosis.floor import answer_to_force, floor_of, force_noise, quietness
+from frictionjax.diagnosis.judge import Judgement
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
+
+QUIET = 0.03
+"""Noise of these recordings over that of the others: a force of that size shows in a few seconds."""
+FORCE = 0.002
+"""Standard deviation of the planted force, over Coulomb friction."""
+
+
+def _shaken(name, u, *, seed, force=FORCE):
+    """A recording during which a force acts that is not in its input."""
+    push = (
+        force
+        * float(PLANT.friction.Fc / PLANT.motor_constant)
+        * np.random.default_rng(100 + seed).standard_normal(len(u))
+    )
+    recording = open_loop(name, jnp.asarray(u) + jnp.asarray(push), seed=seed, noise=QUIET * NOISE)
+    return eqx.tree_at(lambda r: r.u, recording, np.asarray(u))
+
+
+def _to_and_fro():
+    t = np.arange(round(4.0 * RATE)) / RATE
+    return 1.6 * float(PLANT.friction.Fs / PLANT.motor_constant) * np.sin(2.0 * np.pi * 1.5 * t)
+
+
+def _true_model(force):
+    recordings = (
+        _shaken("stick", stick_noise(4.0, seed=0), seed=1, force=force),
+        _shaken("ramps", break_away(), seed=2, force=force),
+        _shaken("sliding", _to_and_fro(), seed=3, force=force),
+    )
+    joint, vector = make_joint(PLANT, make_batch(recordings, encoder_step=QUIET * FINE), np.zeros(3, bool))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    return slow, vector, slow.powers([vector])[0]
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return _true_model(FORCE)
+
+
+def test_the_planted_force_is_found(shaken):
+    """A quantile of blocks that hold few free numbers is below their mean: uncorrected, a tenth would be missing."""
+    joint, vector, power = shaken
+    answer = answer_to_force(joint, vector)
+    found = force_noise(power, answer, joint, quietness(power, answer, joint))
+    # A hundred blocks or more of some ten free numbers each: their mean is known to 5 %, the force to half of that.
+    assert found == pytest.approx(FORCE, rel=0.075)
+
+
+def test_a_true_model_is_at_the_floor(shaken):
+    joint, vector, power = shaken
+    answer = answer_to_force(joint, vector)
+    quiet = quietness(power, answer, joint)
+    seen = Judgement(PLANT, vector, power, np.zeros(3, bool), joint.batch)
+    bare, floored = (
+        seen.misfits(floor)[0]
+        for floor in (np.ones((1, 1)), floor_of(force_noise(power, answer, joint, quiet), answer, quiet))
+    )
+    assert bare > 0.2
+    # The logarithm of blocks that scatter is below that of their mean.
+    assert -0.06 < floored < 0.01
+
+
+def test_without_a_force_none_is_found():
+    joint, vector, power = _true_model(0.0)
+    answer = answer_to_force(joint, vector)
+    assert force_noise(power, answer, joint, quietness(power, answer, joint)) < 0.1 * FORCE
+
+
+def test_noise_that_was_thought_twice_as_large_is_mended(shaken):
+    """Motion near the frequency of sampling passes for noise; a model that leaves less shows that there is less."""
+    joint = eqx.tree_at(lambda j: j.setting.batch.noise, shaken[0], shaken[0].batch.noise.at[0].multiply(2.0))
+    answer = answer_to_force(*shaken[:2])
+    clean = quietness(shaken[2], answer, shaken[0])
+    quiet = quietness(joint.powers([shaken[1]])[0], answer, joint)
+    assert quiet.shape == (3, 1)
+    assert quiet[0, 0] == pytest.approx(0.25 * clean[0, 0], rel=0.1)
+    np.testing.assert_array_equal(quiet[1:], clean[1:])
+    assert np.all(clean <= 1.0)
+    assert float(np.max(joint.batch.noise[1:])) < 2.0 * QUIET * NOISE
