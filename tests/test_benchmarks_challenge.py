@@ -6,7 +6,9 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 from types import SimpleNamespace
 
 import numpy as np
@@ -166,6 +168,20 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
+def test_an_executor_solves_several_at_once(tmp_path):
+    batch, said = plain_batch(tmp_path / "batch"), []
+    together = Barrier(3, timeout=20.0)
+
+    def diagnose(file):
+        together.wait()
+        return verdict()
+
+    with ThreadPoolExecutor(3) as executor:
+        assert solve(batch, diagnose=diagnose, executor=executor, say=said.append) == 3
+        assert solve(batch, diagnose=diagnose, executor=executor, say=said.append) == 0
+    assert [text.split(",")[0] for text in said[:3]] == ["1 of 3", "2 of 3", "3 of 3"]
+
+
 def test_one_batch_has_one_solver(tmp_path, monkeypatch):
     batch = plain_batch(tmp_path / "batch", cases=1)
     solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)
@@ -197,7 +213,7 @@ def test_a_batch_of_twelve_is_made_solved_and_revealed(tmp_path):
 
     assert "sha256" in run("make", "--cases", 12, "--seed", 612, "--out", tmp_path / "batch")
     (tmp_path / "batch" / "sealed").rename(tmp_path / "away")
-    run("solve", tmp_path / "batch", "--rivals", "--bic-seconds", 5)
+    run("solve", tmp_path / "batch", "--rivals", "--bic-seconds", 5, "--workers", 2)
     (tmp_path / "away").rename(tmp_path / "batch" / "sealed")
     told = run("reveal", tmp_path / "batch", "--out", tmp_path / "out")
     assert "measured on 12 cases" in told

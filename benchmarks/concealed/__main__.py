@@ -9,6 +9,7 @@
 
 import argparse
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 from benchmarks.concealed.seal import BrokenSeal
@@ -32,6 +33,7 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     solve.add_argument(
         "--bic-seconds", type=float, default=0.0, help="time for refits by BIC, s a case (with --rivals)"
     )
+    solve.add_argument("--workers", type=int, default=1, help="processes, each on a core of its own")
     reveal = verbs.add_parser("reveal", help="check the seal and score")
     reveal.add_argument("batch", type=Path)
     reveal.add_argument("--out", type=Path, required=True)
@@ -57,10 +59,11 @@ def _run(options: argparse.Namespace) -> None:
         print(f"sealed: sha256 {make(options.cases, options.seed, options.out)}")
     elif options.verb == "solve":
         import frictionjax as fj
-        from benchmarks.concealed.solve import solve
+        from benchmarks.concealed.solve import solve, workers
 
         fj.configure_jax()
-        solve(options.batch, rivals=options.rivals, bic_seconds=options.bic_seconds)
+        with workers(options.workers) if options.workers > 1 else nullcontext() as executor:
+            solve(options.batch, rivals=options.rivals, bic_seconds=options.bic_seconds, executor=executor)
     else:
         from benchmarks.concealed.reveal import markdown, reveal
 

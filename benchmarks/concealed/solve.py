@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import time
 import warnings
 from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 
 import frictionjax as fj
@@ -57,6 +60,25 @@ def _keep(path: Path, content: dict) -> None:
     fresh.replace(path)
 
 
+def _one(
+    file: Path,
+    folder: Path,
+    rivals: bool,
+    bic_seconds: float,
+    diagnose: Callable[[Path], dict],
+    rival: Callable[[Path, dict, float], dict],
+) -> tuple[str, bool]:
+    """What is missing in `folder` of the case in `file`: its verdict, and whether it was found now."""
+    warnings.simplefilter("ignore", category=FrictionjaxWarning)
+    fresh = not (folder / VERDICT).exists()
+    if fresh:
+        _keep(folder / VERDICT, diagnose(file))
+    verdict = json.loads((folder / VERDICT).read_text(encoding="utf-8"))
+    if rivals and not (folder / RIVALS).exists():
+        _keep(folder / RIVALS, rival(file, verdict, bic_seconds))
+    return verdict["verdict"], fresh
+
+
 def solve(
     batch: Path,
     *,
@@ -64,26 +86,41 @@ def solve(
     bic_seconds: float = 0.0,
     diagnose: Callable[[Path], dict] = diagnosed,
     rival: Callable[[Path, dict, float], dict] = rivalled,
+    executor: Executor | None = None,
     say: Callable[[str], object] = sys.stderr.write,
 ) -> int:
     """Solve what is not solved yet; returns how many cases were solved now.
 
     `rivals` lets the rivals look too, `bic_seconds` gives refits by BIC so long for each case; `diagnose` and `rival`
-    are what is called with the file of a case (and its verdict).
+    are what is called with the file of a case (and its verdict). An `executor` solves several cases at once
+    (`workers`); without one they are solved here, one after the other.
     """
-    warnings.simplefilter("ignore", category=FrictionjaxWarning)
     target = batch / SOLVED
     written_down(target, json.loads((batch / SEAL).read_text(encoding="utf-8")))
     files = sorted((batch / "cases").glob("*/case.toml"))
-    fresh, begun = 0, time.perf_counter()
-    for number, file in enumerate(files, start=1):
-        folder = target / file.parent.name
-        if not (folder / VERDICT).exists():
-            _keep(folder / VERDICT, diagnose(file))
-            fresh += 1
-        verdict = json.loads((folder / VERDICT).read_text(encoding="utf-8"))
-        if rivals and not (folder / RIVALS).exists():
-            _keep(folder / RIVALS, rival(file, verdict, bic_seconds))
-        spent = time.perf_counter() - begun
-        say(f"{number} of {len(files)}, {spent:.0f} s: {file.parent.name} {verdict['verdict']}\n")
+    begun, fresh = time.perf_counter(), 0
+    arguments = [(file, target / file.parent.name, rivals, bic_seconds, diagnose, rival) for file in files]
+    if executor is None:
+        ends = ((one[0], _one(*one)) for one in arguments)
+    else:
+        pending = {executor.submit(_one, *one): one[0] for one in arguments}
+        ends = ((pending[done], done.result()) for done in as_completed(pending))
+    for number, (file, (verdict, new)) in enumerate(ends, start=1):
+        fresh += new
+        say(f"{number} of {len(files)}, {time.perf_counter() - begun:.0f} s: {file.parent.name} {verdict}\n")
     return fresh
+
+
+def workers(count: int) -> Executor:
+    """Processes that each solve a case on a core of its own: one that is spread over two cores waits for itself."""
+    context = get_context("spawn")
+    cores = context.Queue()
+    for core in sorted(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(count)):
+        cores.put(core)
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_on_a_core, initargs=(cores,))
+
+
+def _on_a_core(cores) -> None:
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {cores.get()})
+    fj.configure_jax()
