@@ -3,7 +3,12 @@
 import pytest
 
 from frictionjax.physics import Drive, LuGre, catalogue
-from frictionjax.physics.effects.base import AbstractLoadEffect, AbstractSensorEffect, AbstractStateEffect
+from frictionjax.physics.effects.base import (
+    AbstractBristleEffect,
+    AbstractLoadEffect,
+    AbstractSensorEffect,
+    AbstractStateEffect,
+)
 
 TABLE_I = Drive(J=1.0, friction=LuGre(sigma0=1e5, sigma1=1e5**0.5, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3))
 """A unit mass with the parameters of Table I, as in Canudas de Wit et al. (1995): N, m, s."""
@@ -62,6 +67,9 @@ SENSORS = tuple(name for name, form in FORMS.items() if issubclass(form, Abstrac
 LOADS = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractLoadEffect))
 """Forms with an inertia of their own, of which a drive takes one."""
 
+BRISTLES = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractBristleEffect))
+"""Forms with elements parallel to the bristle."""
+
 STATES = tuple(name for name, form in FORMS.items() if issubclass(form, AbstractStateEffect))
 """Forms with states of their own."""
 
@@ -91,6 +99,7 @@ LARGE = {
     "GravityPendulum": (50.0, 0.2),
     "LoadDependence": (0.15,),
     "MainsPickup": (3e-7, -2e-7),
+    "FewElements": (0.0,),
     "MaxwellSlip": (0.0,),
     "SharpYield": (1.5,),
     "MicroDamping": (0.8,),
@@ -137,7 +146,7 @@ def with_every_effect(drive, strengths, *, but=()):
     )
 
 
-_APART = (*STATES, *LOADS, *SENSORS, "MaxwellSlip")
+_APART = (*STATES, *LOADS, *SENSORS, *BRISTLES)
 
 _ONE_A_SLOT = (
     *(
@@ -152,7 +161,7 @@ _ONE_A_SLOT = (
     *("LoadDependence", "MicroDamping", "NonlinearBristle", "PositionDependence", "Ripple", "StribeckShape"),
 )
 
-MOVING = [form for form in FORMS if form not in (*SENSORS, "MaxwellSlip")]
+MOVING = [form for form in FORMS if form not in (*SENSORS, *BRISTLES)]
 """Every form that changes how a machine moves, but elasto-slip elements."""
 
 MOVERS = some_slow(MOVING, _ONE_A_SLOT)

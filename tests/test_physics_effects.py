@@ -122,6 +122,7 @@ SLIDING = {
         {"coulomb": 0.2, "viscous": 0.5},
         lambda x, v: (np.sign(v) * _level(v) + S2 * v) + 0.2 * _level(v) + 0.5 * S2 * np.abs(v),
     ),
+    "FewElements": ({"share": 0.6}, lambda x, v: np.sign(v) * _level(v) + S2 * v),
     "MaxwellSlip": ({"share": 0.6}, lambda x, v: np.sign(v) * _level(v) + S2 * v),
     "PositionDependence": (
         {"linear": 0.3, "quadratic": -0.2},

@@ -48,6 +48,7 @@ STRONG = {
     "DirectionAsymmetry": 0.1,
     "ViscousAsymmetry": 0.2,
     "DriveLag": 1e-4,
+    "FewElements": 0.4,
     "MaxwellSlip": 0.4,
     "NonlinearBristle": 0.3,
     "PositionDependence": 0.1,

@@ -88,6 +88,7 @@ IN_FORCE = {form: _in_force(form) for form in FORMS} | {
     "Creep": (0.5, 0.02),
     "Delay": (1.3 / RATE,),
     "DriveLag": (2.0 / RATE,),
+    "FewElements": (0.5, 0.6, 1.4, 0.9, 2.0, 0.7, 0.4),
     "MaxwellSlip": (0.5, 1.5, -0.3),
 }
 """Strengths and nuisances of each form, in the order of PARAMETERS, on the plant of Table I; none is zero."""

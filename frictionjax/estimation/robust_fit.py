@@ -16,7 +16,7 @@ from frictionjax.estimation.joint import Joint, Look, misfit_of
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee, in turn
 _LEVEL = 0.95  # quantile of the block powers below which all count alike
 _DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
-_LONGEST = 1.5  # in a coordinate
+_LONGEST = 1.5  # in a coordinate; a strength, whose unit is only where it begins to show, may at least double
 
 
 class Fitted(NamedTuple):
@@ -29,13 +29,16 @@ class Fitted(NamedTuple):
     converged: bool
 
 
-def _step(joint: Joint, look: Look, damping: float) -> np.ndarray:
-    """Damped Gauss-Newton step; parameters and fitted deflections together, the other deflections each alone."""
+def _step(joint: Joint, vector: np.ndarray, look: Look, damping: float) -> np.ndarray:
+    """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
     hessian, gradient = np.asarray(look.hessian), np.asarray(look.gradient)
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12))
     matrix = hessian / np.outer(scale, scale) + damping * np.eye(scale.size)
     step = -np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
-    return np.clip(step, -_LONGEST, _LONGEST)
+    longest = np.full(scale.size, _LONGEST)
+    strengths = [i for i, free in enumerate(joint.layout) if free.parameter.transform == "linear"]
+    longest[strengths] = np.maximum(_LONGEST, np.abs(vector[strengths]))
+    return np.clip(step, -longest, longest)
 
 
 def descend(
@@ -99,7 +102,8 @@ def _walk(joint: Joint, vector, look: Look, knee: float, steps: int, tolerance: 
     for _ in range(steps):
         if not np.all(np.isfinite(np.asarray(look.hessian))):
             return vector, (look, False)
-        tried = np.asarray(vector) + _step(joint, look, damping)
+        now = np.asarray(vector)
+        tried = now + _step(joint, now, look, damping)
         tried[aside] = np.clip(tried[aside], -1.0, 1.0)
         seen = joint.look(jnp.asarray(tried), knee)
         cost, new = float(look.cost), float(seen.cost)
