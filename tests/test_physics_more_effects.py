@@ -11,7 +11,7 @@ from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.simulation import simulate
 from frictionjax.simulation.fixed import initial_state
-from frictionjax.simulation.load_side import contact
+from frictionjax.simulation.load_side import contact, two_inertias
 from frictionjax.simulation.ros2 import advance
 
 RATE = 2000.0
@@ -316,6 +316,26 @@ def test_a_blocked_motor_leaves_the_load_its_frequency_and_damping(form):
 def test_nothing_is_felt_inside_the_gap():
     drive = TABLE_I.with_effects(effect("Backlash", ratio=0.3))
     assert float(contact(drive, jnp.asarray([4.9e-5, 0.1]))[0]) == 0.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_flanks_of_a_gap_push_and_never_pull(side):
+    """A load that leaves its flank faster than the spring follows: a damper would hold it back, a flank cannot."""
+    leaving = side * jnp.asarray([6e-5, -0.1])
+    gap = TABLE_I.with_effects(effect("Backlash", ratio=0.3, damping=0.5))
+    spring = TABLE_I.with_effects(effect("FlexibleTransmission", ratio=0.3, damping=0.5))
+    assert [float(one) for one in contact(gap, leaving)] == [0.0, 0.0]
+    assert side * float(contact(gap, leaving * jnp.asarray([1.0, -1.0]))[0]) < 0.0
+    assert side * float(contact(spring, leaving)[0]) > 0.0
+
+
+def test_the_friction_of_a_load_in_its_gap_slows_the_load_alone():
+    """A motor that runs on, a load that flies: w' = -drag v2, and the motor feels nothing."""
+    drive = TABLE_I.with_effects(effect("Backlash", ratio=0.3, gap=1.0, drag=4.0))
+    a1, (d_rate, w_rate) = two_inertias(drive, jnp.asarray(0.0), jnp.asarray(0.2), jnp.asarray([0.1, 0.05]))
+    assert float(a1) == 0.0
+    assert float(d_rate) == 0.05
+    assert float(w_rate) == pytest.approx(-4.0 * 0.25)
 
 
 # All of them

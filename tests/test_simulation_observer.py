@@ -8,6 +8,8 @@ import pytest
 from helpers_plants import FORMS, LARGE, STAGE, TABLE_I, effect
 
 from frictionjax.simulation import innovation_gain, innovations, observe, observer_gains, simulate
+from frictionjax.simulation.observer import corrected
+from frictionjax.simulation.ros2 import State
 
 observe, innovations = eqx.filter_jit(observe), eqx.filter_jit(innovations)
 
@@ -146,6 +148,19 @@ def _pushes(highest, count):
     t = np.linspace(0.0, 1.0, count)
     walk = 0.5 * np.cumsum(np.random.default_rng(0).standard_normal(count)) / 40.0
     return {"ramp": 1.1 * highest * t, "sine": 1.15 * highest * np.sin(6 * np.pi * t), "walk": highest * walk}
+
+
+def test_a_load_in_its_gap_stays_where_it_is_when_the_motor_is_corrected():
+    """In contact it goes with the motor; in the gap nothing couples them, and x2 = x1 + d and v2 = v1 + w stay."""
+    drive = STAGE.with_effects(effect("Backlash", ratio=0.3, gap=1e-4))
+    slack, gains = drive.bristles().slack, observer_gains(100.0, DT)
+    for d, flies in ((2e-5, 1.0), (6e-5, 0.0)):
+        load = jnp.asarray([d, 3e-3])
+        before = State(jnp.asarray(0.1), jnp.asarray(0.02), jnp.zeros(1), load)
+        after = corrected(drive, slack, before, jnp.asarray(1e-6), gains)
+        moved = jnp.stack([after.x - before.x, after.v - before.v])
+        assert float(jnp.min(moved)) > 0.0
+        np.testing.assert_allclose(after.hidden + flies * moved, load, rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -187,10 +187,14 @@ def signals_along(
         if isinstance(effect, AbstractLoadEffect):
             side = effect.load_side()
             beyond = load[0] - jnp.clip(load[0], -side.half_gap, side.half_gap)
-            touches = jnp.where(jnp.abs(load[0]) >= side.half_gap, 1.0, 0.0)
+            pull = -side.stiffness * beyond - side.damping * load[1]
+            pulls = (pull * load[0] > 0.0) & (side.half_gap > 0.0)
+            touches = jnp.where((jnp.abs(load[0]) >= side.half_gap) & ~pulls, 1.0, 0.0)
+            free = side.drag * (here.v + load[1])
             # Damping implicit: the fastest couplings would blow up.
-            faster = (load[1] - dt * (side.stiffness * beyond + here.a)) / (1.0 + dt * side.damping * touches)
-            against = against + side.ratio * inertia * (faster - load[1]) / dt
+            rest = load[1] - dt * (side.stiffness * beyond * touches + here.a + free)
+            faster = rest / (1.0 + dt * side.damping * touches)
+            against = against + side.ratio * inertia * ((faster - load[1]) / dt + free)
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):
             hidden = relaxed(hidden, *effect.relax(friction, own), dt)

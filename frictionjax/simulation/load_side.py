@@ -1,6 +1,6 @@
 """A second inertia behind a coupling, and states that relax: what the schemes share beside the bristles.
 
-d = x2 - x1,  w = d',   x2'' = a2(d, w) = -K dz(d) - C w (in contact),   x1'' = f/J1 - (J2/J1) a2
+d = x2 - x1,  w = d',   x2'' = a2(d, w) - D x2',   x1'' = f/J1 - (J2/J1) a2,   a2 = -K dz(d) - C w (in contact)
 """
 
 import jax.numpy as jnp
@@ -23,24 +23,27 @@ def relaxed(
 
 
 def contact(drive: Drive, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Acceleration of the second inertia of `drive` in the state `load` (d, w), and whether it touches (1 or 0)."""
+    """Acceleration a2 of the second inertia of `drive` by its coupling in the state `load` (d, w), and whether it
+    touches (1 or 0)."""
     side = drive.load_side
     assert side is not None
     # Without a gap, d = 0 is in contact like any other d: jnp.clip would halve its derivative there.
     inside = jnp.abs(load[0]) < side.half_gap
     beyond = jnp.where(inside, 0.0, load[0] - jnp.sign(load[0]) * side.half_gap)
-    touches = jnp.where(inside, 0.0, 1.0)
-    return -side.stiffness * beyond - side.damping * load[1] * touches, touches
+    pull = -side.stiffness * beyond - side.damping * load[1]
+    # The flanks of a gap push and never pull: while they part, the damper of the contact lets go first.
+    apart = inside | ((pull * load[0] > 0.0) & (side.half_gap > 0.0))
+    return jnp.where(apart, 0.0, pull), jnp.where(apart, 0.0, 1.0)
 
 
 def two_inertias(
-    drive: Drive, force: Float[Array, ""], load: Float[Array, " m"]
+    drive: Drive, force: Float[Array, ""], v: Float[Array, ""], load: Float[Array, " m"]
 ) -> tuple[Float[Array, ""], Float[Array, " m"]]:
-    """Acceleration of the motor under the `force` that motor and friction leave, and rates of the `load` states (d, w),
-    of shape `(2,)`; `(0,)` where there is no second inertia."""
+    """Acceleration of the motor at velocity `v` under the `force` that motor and friction leave, and rates of the
+    `load` states (d, w), of shape `(2,)`; `(0,)` where there is no second inertia."""
     side = drive.load_side
     if side is None:
         return force / drive.J, load
     a2, _ = contact(drive, load)
     a1 = (force / drive.J - side.ratio * a2) / (1.0 - side.ratio)
-    return a1, jnp.stack([load[1], a2 - a1])
+    return a1, jnp.stack([load[1], a2 - side.drag * (v + load[1]) - a1])

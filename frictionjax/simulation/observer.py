@@ -68,7 +68,18 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     lost = jnp.abs(drive.slip(spring / level, v))[None]
     elements = jnp.abs(state.z[1:]) / (slack[1:] * level / drive.friction.sigma0)
     stuck = jnp.maximum(0.0, 1.0 - jnp.concatenate([lost, elements]))
-    return State(x, v, state.z + gains.position * innovation * stuck, state.hidden)
+    return State(x, v, state.z + gains.position * innovation * stuck, _left_behind(drive, state, x, v))
+
+
+def _left_behind(drive: Drive, state: State, x, v) -> Float[Array, " m"]:
+    """The hidden states when the motor is corrected to `x` and `v`: a load in contact goes with it, one that flies
+    through its gap goes on as it was."""
+    if drive.load_side is None:
+        return state.hidden
+    load = state.hidden[drive.state_count :]
+    flies = jnp.abs(load[0]) < drive.load_side.half_gap
+    gone = jnp.where(flies, load - jnp.stack([x - state.x, v - state.v]), load)
+    return jnp.concatenate([state.hidden[: drive.state_count], gone])
 
 
 def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:

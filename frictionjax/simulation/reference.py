@@ -47,7 +47,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         opposing = drive.opposing_force(bristles, now, z, damping_rate)
         source, forget = drive.relaxation(now)
         own = source - forget * hidden[: drive.state_count]
-        a, load_rate = two_inertias(drive, held - opposing, hidden[drive.state_count :])
+        a, load_rate = two_inertias(drive, held - opposing, v, hidden[drive.state_count :])
         hidden_rate = jnp.concatenate([own, load_rate])
         return jnp.concatenate([jnp.stack([v / bend, a / speed]), rate / bend, hidden_rate / bend])
 

@@ -129,11 +129,13 @@ def ros2_step(
         below_v = 1.0 + per_mass * (
             beside_v + sigma1 * (first * rate_v + stuck) + gh * friction.sigma0 * stuck
         )
-    heavy = yielding = a2 = 0.0
+    heavy = yielding = a2 = free = 0.0
     if side is not None:
         # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
         heavy = side.ratio / (1.0 - side.ratio)
         a2, touches = contact(drive, load)
+        # Its own friction is slow: no need to be implicit.
+        free = side.drag * (v + load[1])
         yielding = touches * (gh * side.damping + gh * gh * side.stiffness)
         below_v = below_v + heavy * yielding / (1.0 + yielding)
     pivot_z = 1.0 / below_z
@@ -156,7 +158,7 @@ def ros2_step(
 
     w_load = load[1] if side is not None else 0.0
     k1_v, k1_z, k1_plays, k1_d, k1_w = solve(
-        (force - friction_now) * mobility - heavy * a2, rate, moved, w_load, a2
+        (force - friction_now) * mobility - heavy * a2, rate, moved, w_load, a2 - free
     )
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
@@ -172,16 +174,17 @@ def ros2_step(
         moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
         bent_1 = total(bristles.cut(middle, limit_1))
     friction_1 = opposing(spring_1, rate_1, drive.parallel_force(now_1), bent_1, moved_1, drive.sigma1(v1))
-    a2_1 = w_load_1 = 0.0
+    a2_1 = w_load_1 = free_1 = 0.0
     if side is not None:
         load_1 = jnp.stack([load[0] + h * k1_d, w_load + h * k1_w])
         a2_1, w_load_1 = contact(drive, load_1)[0], load_1[1]
+        free_1 = side.drag * (v1 + w_load_1)
     k2_v, k2_z, _, k2_d, k2_w = solve(
         (force - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,
         rate_1 - 2.0 * k1_z,
         moved_1 - 2.0 * k1_plays,
         w_load_1 - 2.0 * k1_d,
-        a2_1 - 2.0 * (k1_w + k1_v),
+        a2_1 - free_1 - 2.0 * (k1_w + k1_v),
     )
     k2_x = v1 - 2.0 * k1_x + gh * k2_v
     x2, v2 = x + h * (1.5 * k1_x + 0.5 * k2_x), v + h * (1.5 * k1_v + 0.5 * k2_v)

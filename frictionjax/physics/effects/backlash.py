@@ -20,17 +20,19 @@ class Backlash(AbstractLoadEffect):
     - `gap`: free way from contact to contact, position units.
     - `frequency`: of the load in contact with the motor blocked, Hz.
     - `damping`: damping ratio of the same.
+    - `drag`: viscous friction of the load itself over J2, 1/s: it decides when the load crosses the gap.
     """
 
     ratio: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     gap: Float[Array, "..."] = eqx.field(converter=real, default=1e-4)
     frequency: Float[Array, "..."] = eqx.field(converter=real, default=50.0)
     damping: Float[Array, "..."] = eqx.field(converter=real, default=0.1)
+    drag: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     name: ClassVar[str] = "backlash"
     about: ClassVar[About] = About(
         sentence="a second inertia behind a gap (backlash)",
-        equation="J2 x2'' = k dz(x1 - x2) + c (x1' - x2') in contact, dz(d) = d beyond half the gap, else 0",
+        equation="J2 (x2'' + drag x2') = k dz(x1 - x2) + c (x1' - x2') in contact, dz(d) = d beyond half the gap, or 0",
         shows="after reversals: less inertia while the gap is crossed, then a blow",
         confused_with=("flexible_transmission",),
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
@@ -50,9 +52,18 @@ class Backlash(AbstractLoadEffect):
             "log",
             lower=3.0,
             upper=400.0,
-            grid=(30.0, 80.0),
+            grid=(30.0, 80.0, 200.0),
         ),
         Parameter("damping", "1", "damping ratio in contact", "log", lower=1e-3, upper=1.0, grid=(0.1,)),
+        Parameter(
+            "drag",
+            "1/s",
+            "viscous friction of the load over its inertia",
+            "log",
+            lower=1e-3,
+            upper=100.0,
+            grid=(1.0,),
+        ),
     )
 
     def load_side(self) -> LoadSide:
@@ -62,4 +73,5 @@ class Backlash(AbstractLoadEffect):
             stiffness=circular * circular,
             damping=2.0 * self.damping * circular,
             half_gap=0.5 * self.gap,
+            drag=self.drag,
         )

@@ -186,18 +186,20 @@ class AbstractBristleEffect(AbstractEffect):
 class LoadSide(eqx.Module):
     """A second inertia behind an elastic coupling. With d = x2 - x1 and w = d':
 
-        x2'' = -stiffness dz(d) - damping w (in contact),   J1 x1'' = km u - F - J2 x2''
+        x2'' = a2 - drag x2',   J1 x1'' = km u - F - J2 a2,   a2 = -stiffness dz(d) - damping w (in contact)
 
-    J1 = (1 - ratio) J, J2 = ratio J; dz(d) is d beyond half the gap on either side, else 0.
+    J1 = (1 - ratio) J, J2 = ratio J; dz(d) is d beyond half the gap on either side, else 0. Without a gap there is
+    always contact; the flanks of a gap push and never pull.
 
     **Attributes:** `ratio` (J2/J), `stiffness` (over J2, 1/s^2), `damping` (over J2, 1/s), `half_gap` (position
-    units).
+    units), `drag` (viscous friction of the load itself over J2, 1/s).
     """
 
     ratio: Float[Array, ""]
     stiffness: Float[Array, ""]
     damping: Float[Array, ""]
     half_gap: Float[Array, ""]
+    drag: Float[Array, ""]
 
 
 class AbstractLoadEffect(AbstractEffect):

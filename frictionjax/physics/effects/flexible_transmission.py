@@ -64,4 +64,5 @@ class FlexibleTransmission(AbstractLoadEffect):
             stiffness=circular * circular,
             damping=2.0 * self.damping * circular,
             half_gap=jnp.zeros_like(self.ratio),
+            drag=jnp.zeros_like(self.ratio),
         )
