@@ -25,6 +25,7 @@ _EASED = 0.3  # logarithm of a change of the noise that is worth a refit
 _FIRST = 5  # steps after which candidates that lag behind are given up
 _PROMISING = 0.2  # part of the best one's gain by then
 _AT_LEAST = 3  # candidates that go on in any case
+_HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -210,6 +211,10 @@ def refit_all(
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
     gains = np.array([present - found.misfit for _, found in begun])
+    if model.joint.setting.drive.effects and gains.max() < _HOPELESS * present:
+        # One of them goes on, to be shown; none will be named beside the effects that are.
+        best = int(np.argmax(gains))
+        trials, begun, gains = [trials[best]], [begun[best]], gains[best:][:1]
     # A form may have begun from two places: the better end goes on.
     ends: dict[str, tuple[float, Trial, tuple[Joint, Fitted]]] = {}
     for trial, end, gain in zip(trials, begun, gains, strict=True):

@@ -50,6 +50,8 @@ _ROUNDS = 3
 _LEVELLED = 0.2  # misfit above which a model may have given up a whole regime
 _BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
 _ALIKE = 0.03  # of the sum of the explained shares
+_CLOSE = 0.3  # the same: nearer than this the last steps of two refits may decide between them
+_WORTHLESS = 0.2  # the same: no last steps make a name of less
 
 
 class Step(eqx.Module):
@@ -203,8 +205,10 @@ def select(
         refits = refit_all(chosen, model, scales, executor, pair)
         model = _better_base(model, refits)
         least = model.joint.batch.eased[:, None]
-        refits.sort(key=lambda r: -compare(model.judgement, r.model.judgement, least).worth)
-        refits[:2] = executor.map(polish, refits[:2])
+        worth = {id(r): compare(model.judgement, r.model.judgement, least).worth for r in refits}
+        refits.sort(key=lambda r: -worth[id(r)])
+        close = [r for r in refits[:2] if worth[id(r)] > max(_WORTHLESS, worth[id(refits[0])] - _CLOSE)]
+        refits[: len(close)] = executor.map(polish, close)
         step = _settled(weigh(model, trials, refits, answer))
         steps.append(step)
         if step.accepted is None:

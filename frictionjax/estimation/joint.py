@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.least_squares import Setting, error_jacobian, predicted_errors
+from frictionjax.estimation.least_squares import Setting, all_columns, compact_jacobian, predicted_errors
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
 from frictionjax.estimation.residuals import block_power
@@ -59,13 +59,13 @@ def _own_prior(vector, setting, recordings):
 
 
 def _told_jacobian(layout, vector, setting: Setting, most):
-    """Innovations and their Jacobian without the blocks in which it exploded.
+    """Innovations and their compact Jacobian without the blocks in which it exploded.
 
     A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow without
     end and say nothing of a finite step, and one such block would outvote all others. No parameter can do more to the
     motion than to make the whole of it another.
     """
-    e, columns = error_jacobian(layout, vector, setting)
+    e, columns = compact_jacobian(layout, vector, setting)
     block, samples = setting.batch.block, columns.shape[-1]
     highest = jnp.max(jnp.abs(columns).reshape(*columns.shape[:-1], -1, block), axis=(0, -1))
     sound = jnp.repeat(highest <= most[:, None], block, axis=-1, total_repeat_length=samples)
@@ -76,18 +76,25 @@ def _told_jacobian(layout, vector, setting: Setting, most):
 def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
     e, columns = _told_jacobian(layout, vector, setting, most)
     batch, count, recordings = setting.batch, len(layout), fitted.shape[0]
-    # No parameter sees a recording that is kept aside.
-    columns = columns.at[:count].multiply(fitted[None, :, None])
     power = block_power(e, batch)
     weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
     off, deflected = _own_prior(vector, setting, recordings)
-    # Two passes through the columns, no more: they are what takes the time beside the simulation.
-    flat = columns.reshape(columns.shape[0], -1)
-    weighted = flat * weight.ravel()[None]
     cost = jnp.sum(fitted * (_cost(power, knee, batch) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
-    gradient = weighted @ e.ravel() + off * setting.prior
-    clusters = sum_clusters(weighted.reshape(columns.shape) * e[None], batch.block)
-    return Look(power, cost, gradient, weighted @ flat.T + jnp.diag(setting.prior**2), clusters)
+    # As few passes through the columns as there can be: they are what takes the time beside the simulation. No
+    # parameter sees a recording that is kept aside, and a starting deflection sees its own only.
+    weighted = columns * weight[None]
+    flat = (columns * fitted[None, :, None])[:count].reshape(count, -1)
+    seen = weighted[:count].reshape(count, -1) @ flat.T
+    beside = jnp.sum(weighted * columns[count:], axis=-1)
+    hessian = jnp.block(
+        [[seen, fitted * beside[:count]], [(fitted * beside[:count]).T, jnp.diag(beside[count])]]
+    )
+    sums = sum_clusters(weighted * e[None], batch.block).reshape(recordings, -1, count + 1)
+    mine = jnp.eye(recordings)[:, None, :] * sums[:, :, count:]
+    clusters = jnp.concatenate([fitted[:, None, None] * sums[:, :, :count], mine], axis=-1)
+    clusters = clusters.reshape(-1, count + recordings)
+    gradient = jnp.sum(clusters, axis=0) + off * setting.prior
+    return Look(power, cost, gradient, hessian + jnp.diag(setting.prior**2), clusters)
 
 
 def sum_clusters(values: Float[Array, "q r n"], block: int) -> Float[Array, "c q"]:
@@ -109,7 +116,8 @@ def _powers(e, batch):
 
 @eqx.filter_jit
 def _errors_and_columns(layout, vector, setting: Setting, most):
-    return _told_jacobian(layout, vector, setting, most)
+    e, columns = _told_jacobian(layout, vector, setting, most)
+    return e, all_columns(columns)
 
 
 def _most(batch: AbstractBatch, gains: Gains) -> Float[Array, " r"]:

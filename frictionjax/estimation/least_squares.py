@@ -50,18 +50,28 @@ def predicted_errors(
 def error_jacobian(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
 ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
-    """Standardised innovations and their forward-mode Jacobian, shape `(q, r, n)`.
+    """Standardised innovations and their forward-mode Jacobian, shape `(q, r, n)`."""
+    e, columns = compact_jacobian(layout, vector, setting)
+    return e, all_columns(columns)
 
-    A starting deflection moves its own recording only, so one column serves all of them.
-    """
-    count, recordings = len(layout), vector.shape[0] - len(layout)
+
+def compact_jacobian(
+    layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
+) -> tuple[Float[Array, "r n"], Float[Array, "p1 r n"]]:
+    """Standardised innovations and their forward-mode Jacobian by the p parameters and, last, of each recording by its
+    own starting deflection, shape `(p + 1, r, n)`: it moves no other, so one column serves all of them."""
+    count = len(layout)
     basis = jnp.eye(count + 1, vector.shape[0]).at[count, count:].set(1.0)
-    e, columns = jax.vmap(
+    return jax.vmap(
         lambda tangent: jax.jvp(lambda q: predicted_errors(layout, q, setting), (vector,), (tangent,)),
         out_axes=(None, 0),
     )(basis)
-    own = jnp.eye(recordings)[:, :, None] * columns[count][None]
-    return e, jnp.concatenate([columns[:count], own])
+
+
+def all_columns(compact: Float[Array, "p1 r n"]) -> Float[Array, "q r n"]:
+    """The Jacobian by all q = p + r free coordinates, of a `compact_jacobian`."""
+    own = jnp.eye(compact.shape[1])[:, :, None] * compact[-1][None]
+    return jnp.concatenate([compact[:-1], own])
 
 
 class Quadratic(eqx.Module):
