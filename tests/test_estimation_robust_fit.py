@@ -27,7 +27,7 @@ from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
-from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.robust_fit import Fitted, _step, descend
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
@@ -202,6 +202,20 @@ def test_messages_are_sentences(quiet):
     assert parameters_of(end, UNITS)["J"].stderr == float("inf")
     lost = parameters_of(_ended(joint, vector.at[0].set(jnp.nan)), UNITS)
     assert not any(estimate.identified for estimate in lost.values())
+
+
+def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(quiet):
+    """A lag in units of a sample may have to grow forty-fold; logarithms go 1.5 at most."""
+    joint, vector = quiet
+    more, longer = extend(joint, vector, effect("FrictionLag"), plant_scales(PLANT, joint.batch))
+    place = len(more.layout) - 1
+    for now, longest in ((0.0, 1.5), (20.0, 20.0)):
+        look = more.look(longer)
+        slope = jnp.zeros_like(look.gradient).at[jnp.asarray([0, place])].set(-1e6)
+        far = eqx.tree_at(lambda l: (l.gradient, l.hessian), look, (slope, jnp.eye(slope.size)))
+        step = _step(more, np.asarray(longer.at[place].set(now)), far, 0.0)
+        assert step[place] == longest
+        assert step[0] == 1.5
 
 
 def test_a_descent_from_an_overflow_ends_where_it_began(quiet):

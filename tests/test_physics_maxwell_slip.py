@@ -89,6 +89,21 @@ def test_shares_and_yields_are_normalised(spread, skew):
     assert float(jnp.mean(bank.slack[1:])) == pytest.approx(1.0, rel=1e-14)
 
 
+def test_a_few_elements_yield_where_they_are_told_to():
+    """Virgin curve of four elements: its slope falls by each one's share at its own deflection, and there only."""
+    steps, weights = np.array([0.4, 1.2, 0.8]), np.array([2.0, 0.5, 1.5])
+    given = {f"step{i + 1}": step for i, step in enumerate(steps)}
+    given |= {f"weight{i + 1}": weight for i, weight in enumerate(weights)}
+    bank = TABLE_I.with_effects(effect("FewElements", share=1.0, **given)).bristles()
+    share = np.concatenate([[1.0], weights]) / (1.0 + weights.sum())
+    yields = np.exp(np.concatenate([[0.0], np.cumsum(steps)]))
+    yields *= 1.5e-5 / (share @ yields)
+    x = np.linspace(0.0, 6e-5, 6001)
+    expected = 1e5 * np.sum(share * np.minimum(x[:, None], yields), axis=1)
+    np.testing.assert_allclose(_along(bank, x), expected, atol=1e-3)
+    assert float(jnp.sum(bank.share * bank.slack)) == pytest.approx(1.0, rel=1e-14)
+
+
 def test_an_element_moves_with_the_machine_until_it_yields():
     drive = TABLE_I.with_effects(effect("MaxwellSlip", share=1.0))
     bristles, zero, h = drive.bristles(), jnp.zeros(()), jnp.asarray(1e-5)

@@ -83,12 +83,11 @@ def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
     # As few passes through the columns as there can be: they are what takes the time beside the simulation. No
     # parameter sees a recording that is kept aside, and a starting deflection sees its own only.
     weighted = columns * weight[None]
-    flat = (columns * fitted[None, :, None])[:count].reshape(count, -1)
+    flat = (columns[:count] * fitted[None, :, None]).reshape(count, -1)
     seen = weighted[:count].reshape(count, -1) @ flat.T
     beside = jnp.sum(weighted * columns[count:], axis=-1)
-    hessian = jnp.block(
-        [[seen, fitted * beside[:count]], [(fitted * beside[:count]).T, jnp.diag(beside[count])]]
-    )
+    cross = fitted[None] * beside[:count]
+    hessian = jnp.block([[seen, cross], [cross.T, jnp.diag(beside[count])]])
     sums = sum_clusters(weighted * e[None], batch.block).reshape(recordings, -1, count + 1)
     mine = jnp.eye(recordings)[:, None, :] * sums[:, :, count:]
     clusters = jnp.concatenate([fitted[:, None, None] * sums[:, :, :count], mine], axis=-1)
