@@ -306,8 +306,10 @@ def test_a_blocked_motor_leaves_the_load_its_frequency_and_damping(form):
     drive = TABLE_I.with_effects(effect(form, ratio=0.3, frequency=40.0, damping=0.05))
     side = drive.load_side
     assert side is not None and float(side.half_gap) == (5e-5 if form == "Backlash" else 0.0)
-    stiffness = -jax.jacfwd(lambda d: contact(drive, jnp.stack([d, 0.0 * d]))[0])(jnp.asarray(3e-4))
-    damping = -jax.jacfwd(lambda w: contact(drive, jnp.stack([3e-4 + 0.0 * w, w]))[0])(jnp.asarray(0.0))
+    stiffness = -jax.jacfwd(lambda d: contact(drive.load_side, jnp.stack([d, 0.0 * d]))[0])(jnp.asarray(3e-4))
+    damping = -jax.jacfwd(lambda w: contact(drive.load_side, jnp.stack([3e-4 + 0.0 * w, w]))[0])(
+        jnp.asarray(0.0)
+    )
     circular = 2 * np.pi * 40.0
     assert float(stiffness) == pytest.approx(circular**2, rel=1e-12)
     assert float(damping) == pytest.approx(2 * 0.05 * circular, rel=1e-12)
@@ -315,7 +317,7 @@ def test_a_blocked_motor_leaves_the_load_its_frequency_and_damping(form):
 
 def test_nothing_is_felt_inside_the_gap():
     drive = TABLE_I.with_effects(effect("Backlash", ratio=0.3))
-    assert float(contact(drive, jnp.asarray([4.9e-5, 0.1]))[0]) == 0.0
+    assert float(contact(drive.load_side, jnp.asarray([4.9e-5, 0.1]))[0]) == 0.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -324,9 +326,9 @@ def test_the_flanks_of_a_gap_push_and_never_pull(side):
     leaving = side * jnp.asarray([6e-5, -0.1])
     gap = TABLE_I.with_effects(effect("Backlash", ratio=0.3, damping=0.5))
     spring = TABLE_I.with_effects(effect("FlexibleTransmission", ratio=0.3, damping=0.5))
-    assert [float(one) for one in contact(gap, leaving)] == [0.0, 0.0]
-    assert side * float(contact(gap, leaving * jnp.asarray([1.0, -1.0]))[0]) < 0.0
-    assert side * float(contact(spring, leaving)[0]) > 0.0
+    assert [float(one) for one in contact(gap.load_side, leaving)] == [0.0, 0.0]
+    assert side * float(contact(gap.load_side, leaving * jnp.asarray([1.0, -1.0]))[0]) < 0.0
+    assert side * float(contact(spring.load_side, leaving)[0]) > 0.0
 
 
 def test_the_friction_of_a_load_in_its_gap_slows_the_load_alone():

@@ -33,7 +33,7 @@ from frictionjax.physics.effects import (
     Now,
 )
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.load_side import relaxed
+from frictionjax.simulation.load_side import contact, relaxed
 from frictionjax.simulation.observer import Gains, corrected
 from frictionjax.simulation.ros2 import State, advance
 
@@ -186,14 +186,10 @@ def signals_along(
             plays = moved
         if isinstance(effect, AbstractLoadEffect):
             side = effect.load_side()
-            beyond = load[0] - jnp.clip(load[0], -side.half_gap, side.half_gap)
-            pull = -side.stiffness * beyond - side.damping * load[1]
-            pulls = (pull * load[0] > 0.0) & (side.half_gap > 0.0)
-            touches = jnp.where((jnp.abs(load[0]) >= side.half_gap) & ~pulls, 1.0, 0.0)
-            free = side.drag * (here.v + load[1])
+            a2, touches = contact(side, load)
+            free, loss = side.drag * (here.v + load[1]), side.damping * touches
             # Damping implicit: the fastest couplings would blow up.
-            rest = load[1] - dt * (side.stiffness * beyond * touches + here.a + free)
-            faster = rest / (1.0 + dt * side.damping * touches)
+            faster = load[1] + dt * (a2 - free - here.a) / (1.0 + dt * loss)
             against = against + side.ratio * inertia * ((faster - load[1]) / dt + free)
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):

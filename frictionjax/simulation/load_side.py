@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.physics import Drive
+from frictionjax.physics.effects.base import LoadSide
 
 
 def relaxed(
@@ -22,11 +23,9 @@ def relaxed(
     return hidden + (source - rate * hidden) * h * kept
 
 
-def contact(drive: Drive, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Acceleration a2 of the second inertia of `drive` by its coupling in the state `load` (d, w), and whether it
-    touches (1 or 0)."""
-    side = drive.load_side
-    assert side is not None
+def contact(side: LoadSide, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Acceleration a2 of the second inertia `side` by its coupling in the state `load` (d, w), and whether it touches
+    (1 or 0)."""
     # Without a gap, d = 0 is in contact like any other d: jnp.clip would halve its derivative there.
     inside = jnp.abs(load[0]) < side.half_gap
     beyond = jnp.where(inside, 0.0, load[0] - jnp.sign(load[0]) * side.half_gap)
@@ -44,6 +43,6 @@ def two_inertias(
     side = drive.load_side
     if side is None:
         return force / drive.J, load
-    a2, _ = contact(drive, load)
+    a2, _ = contact(side, load)
     a1 = (force / drive.J - side.ratio * a2) / (1.0 - side.ratio)
     return a1, jnp.stack([load[1], a2 - side.drag * (v + load[1]) - a1])

@@ -133,7 +133,7 @@ def ros2_step(
     if side is not None:
         # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
         heavy = side.ratio / (1.0 - side.ratio)
-        a2, touches = contact(drive, load)
+        a2, touches = contact(side, load)
         # Its own friction is slow: no need to be implicit.
         free = side.drag * (v + load[1])
         yielding = touches * (gh * side.damping + gh * gh * side.stiffness)
@@ -177,7 +177,7 @@ def ros2_step(
     a2_1 = w_load_1 = free_1 = 0.0
     if side is not None:
         load_1 = jnp.stack([load[0] + h * k1_d, w_load + h * k1_w])
-        a2_1, w_load_1 = contact(drive, load_1)[0], load_1[1]
+        a2_1, w_load_1 = contact(side, load_1)[0], load_1[1]
         free_1 = side.drag * (v1 + w_load_1)
     k2_v, k2_z, _, k2_d, k2_w = solve(
         (force - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,
