@@ -20,7 +20,7 @@ from benchmarks.concealed.reality import CATALOGUE, OUTSIDE, make_case
 from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.confidence import evidence_of
-from frictionjax.diagnosis.select import Step
+from frictionjax.diagnosis.weigh import Step
 from frictionjax.recordings import Plant, Recording
 
 PAIRS = (

@@ -13,12 +13,6 @@ import frictionjax as fj
 from frictionjax.studies.real_machines import MACHINES, files_of, load_machine, load_speed_error
 
 
-def held_out(found, kind: str, model: str) -> float:
-    """Root mean square over the held-out recordings of an error of a model, position or force units."""
-    held = [fit for fit in found.recordings if fit.role == "holdout"]
-    return float(np.sqrt(np.mean([getattr(fit, f"{kind}_{model}") ** 2 for fit in held])))
-
-
 def row(name: str, found) -> str:
     """One machine as a row of the table."""
     named = "; ".join(
@@ -28,8 +22,8 @@ def row(name: str, found) -> str:
         for m in found.missing
     )
     ahead, free = (
-        f"{held_out(found, kind, 'base'):.3g} → {held_out(found, kind, 'extended'):.3g}"
-        for kind in ("prediction_rmse", "free_run_rmse")
+        " → ".join(f"{error:.3g}" for error in found.held_out_rmse(kind))
+        for kind in ("prediction", "free_run")
     )
     imposed = found.recordings[0].drive == "motion"
     unit = found.plant.force_unit if imposed else found.plant.position_unit

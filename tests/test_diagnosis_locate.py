@@ -258,4 +258,7 @@ def test_quantities_read_well():
     assert (neat(0.3, "s"), neat(0.01, "s"), neat(123456.0, "V")) == ("0.3 s", "10 ms", "123456 V")
     assert span(0.005, 0.02, "s") == "5 to 20 ms"
     assert span(-0.2, -0.15, "rad") == "-0.2 to -0.15 rad"
+    # A short stroke far from zero.
+    assert span(-0.109876, -0.109848, "m") == "-0.109876 to -0.109848 m"
+    assert neat(-0.109876, "m", 2.8e-5) == "-0.109876 m"
     assert [one_two_five(v) for v in (1.4e-5, 1.5e-5, 8.0)] == pytest.approx([1e-5, 2e-5, 10.0])

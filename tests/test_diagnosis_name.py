@@ -22,7 +22,7 @@ from scipy.stats import binom
 from frictionjax.diagnosis.name import _score_test, forms_to_try, try_form
 from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.refit import short_list
-from frictionjax.diagnosis.select import SIGNIFICANCE, effect_p_values
+from frictionjax.diagnosis.weigh import SIGNIFICANCE, effect_p_values
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import make_joint
 from frictionjax.estimation.robust_fit import descend

@@ -20,14 +20,6 @@ def _case(name):
         pytest.skip(str(absent))
 
 
-def _held_out(found, kind):
-    """Root mean square of an error over the held-out recordings: base model, extended model."""
-    held = [fit for fit in found.recordings if fit.role == "holdout"]
-    return (
-        np.sqrt(np.mean([getattr(fit, f"{kind}_{m}") ** 2 for fit in held])) for m in ("base", "extended")
-    )
-
-
 @pytest.mark.slow
 def test_the_motor_bench_has_a_second_inertia_behind_a_spring():
     """A dip near 50 Hz and a peak near 70 to 77 Hz in the response of the motor."""
@@ -50,7 +42,7 @@ def test_the_ball_screw_rubs_differently_in_the_two_directions():
     found = diagnose(_case("emps"))
     assert found.missing[0].effect == "direction_asymmetry"
     assert -0.25 < found.missing[0].parameters["viscous"].value < -0.08
-    before, after = _held_out(found, "free_run_rmse")
+    before, after = found.held_out_rmse("free_run")
     assert after < 0.1 * before
     # The published model with asymmetric friction misses these pulses by 9.2 mm in an open loop.
     assert after < 9.2e-3
@@ -63,6 +55,6 @@ def test_the_servo_lifts_a_pendulum():
     assert found.missing[0].effect == "gravity_pendulum"
     # m g l R/kt is 5.0 V; gears and a battery that sags are in neither model.
     assert 3.5 < found.missing[0].parameters["sine"].value < 7.5
-    before, after = _held_out(found, "prediction_rmse")
+    before, after = found.held_out_rmse()
     assert after < 0.6 * before
     assert any("only with gravity_pendulum" in sentence for sentence in found.warnings)

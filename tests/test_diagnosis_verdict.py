@@ -14,8 +14,8 @@ from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import BIAS, WEIGHTS, Evidence, evidence_of
 from frictionjax.diagnosis.pipeline import _missing, _unexplained, verdict_of
 from frictionjax.diagnosis.refit import Compared
-from frictionjax.diagnosis.select import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
+from frictionjax.diagnosis.weigh import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue

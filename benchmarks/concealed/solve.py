@@ -13,6 +13,8 @@ from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
+import jax
+
 import frictionjax as fj
 from benchmarks.concealed.rivals import run_rivals
 from benchmarks.concealed.seal import SEAL
@@ -73,6 +75,7 @@ def _one(
     fresh = not (folder / VERDICT).exists()
     if fresh:
         _keep(folder / VERDICT, diagnose(file))
+        jax.clear_caches()  # programs are of the case's lengths: kept, they would fill the memory after some dozens
     verdict = json.loads((folder / VERDICT).read_text(encoding="utf-8"))
     if rivals and not (folder / RIVALS).exists():
         _keep(folder / RIVALS, rival(file, verdict, bic_seconds))

@@ -154,7 +154,7 @@ def _along(name: str, values: np.ndarray, edges: np.ndarray, unit: str, symbol: 
     """An axis along the `values` of a quantity that is written as `symbol`."""
     # The outermost edges hold everything beyond them: the largest position itself, and the samples not scored.
     index = np.clip(np.digitize(values, edges) - 1, 0, len(edges) - 2)
-    inner = tuple(neat(edge, unit) for edge in edges[1:-1].tolist())
+    inner = tuple(neat(edge, unit, edge - before) for before, edge in itertools.pairwise(edges[:-1].tolist()))
     labels = [f"{symbol} {span(low, high, unit)}" for low, high in itertools.pairwise(edges[:-1].tolist())]
     if np.isinf(edges[-1]):
         # A size, from zero on, without an end.

@@ -1,7 +1,7 @@
 """What is said of every effect of the catalogue: tested or not, significant or not, and why it was not named."""
 
-from frictionjax.diagnosis.select import SIGNIFICANCE, Step, acceptable, effect_p_values
 from frictionjax.diagnosis.verdict import Candidate
+from frictionjax.diagnosis.weigh import SIGNIFICANCE, Step, acceptable, effect_p_values
 from frictionjax.physics.effects import catalogue
 
 

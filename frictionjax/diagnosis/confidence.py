@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionjax.diagnosis.judge import energy_explained, explained
-from frictionjax.diagnosis.select import Step
+from frictionjax.diagnosis.weigh import Step
 
 BIAS = -2.0
 WEIGHTS = (1.0, 0.5, 1.0, 0.5)

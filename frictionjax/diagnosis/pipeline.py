@@ -22,12 +22,7 @@ from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, Scene, expla
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
-from frictionjax.diagnosis.select import (
-    LEAST_SHARE,
-    Step,
-    effect_p_values,
-    select,
-)
+from frictionjax.diagnosis.select import select
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
 from frictionjax.diagnosis.unscored import mistake, unscored, what_to_check
 from frictionjax.diagnosis.verdict import (
@@ -37,6 +32,7 @@ from frictionjax.diagnosis.verdict import (
     Unexplained,
     Verdict,
 )
+from frictionjax.diagnosis.weigh import LEAST_SHARE, Step, effect_p_values
 from frictionjax.diagnosis.where import strongest
 from frictionjax.diagnosis.words import summary_sentence
 from frictionjax.estimation.batch import Batch

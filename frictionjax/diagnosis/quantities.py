@@ -4,19 +4,21 @@ import math
 
 # Below this size a quantity takes a prefix.
 _PREFIXED = {"m": 0.01, "rad": 0.01, "s": 0.0999}
+_BLURRED = 0.2  # of the way to the next quantity: a rounding by more asks for more digits
 _PREFIXES = {-3: "m", -6: "µ", -9: "n", -12: "p"}
 
 
-def neat(value: float, unit: str) -> str:
+def neat(value: float, unit: str, step: float = math.inf) -> str:
     """A quantity in words: `neat(2e-5, "m")` is "20 µm".
 
     **Arguments:**
 
     - `value`: in `unit`.
     - `unit`: as text; small values of m, rad and s take a prefix.
+    - `step`: distance to the next quantity that is told, in `unit`: as many digits as tell one from the other.
     """
     factor, label = _scaled(abs(value), unit)
-    return f"{_digits(value * factor)} {label}".strip()
+    return f"{_digits(value * factor, step * factor)} {label}".strip()
 
 
 def span(low: float, high: float, unit: str) -> str:
@@ -30,7 +32,8 @@ def span(low: float, high: float, unit: str) -> str:
     # Between two decades the lower one's prefix would make the upper number long, and the other way round.
     size = math.sqrt(low * high) if low > 0.0 else max(abs(low), abs(high))
     factor, label = _scaled(size, unit)
-    return f"{_digits(low * factor)} to {_digits(high * factor)} {label}".strip()
+    step = (high - low) * factor
+    return f"{_digits(low * factor, step)} to {_digits(high * factor, step)} {label}".strip()
 
 
 def one_two_five(value: float) -> float:
@@ -53,6 +56,9 @@ def _scaled(size: float, unit: str) -> tuple[float, str]:
     return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 
-def _digits(value: float) -> str:
+def _digits(value: float, step: float = math.inf) -> str:
     value = 0.0 if abs(value) < 1e-9 else value  # what rounding left of zero
-    return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
+    text = f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
+    if step > 0.0 and abs(float(text) - value) > _BLURRED * step:
+        return f"{value:.{max(1 - math.floor(math.log10(step)), 0)}f}"
+    return text

@@ -89,6 +89,14 @@ def compare(before: Judgement, after: Judgement, floor: np.ndarray) -> Compared:
     )
 
 
+def one_of_each(trials: list[Trial]) -> list[Trial]:
+    """The best trial of each form, the highest gain first; of those that gain alike, the highest linear gain."""
+    by_form: dict[tuple[str, str], Trial] = {}
+    for trial in sorted(trials, key=lambda t: (-t.gain, -t.linear_gain)):
+        by_form.setdefault((trial.effect, type(trial.form).__name__), trial)
+    return list(by_form.values())
+
+
 def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool = False) -> list[Trial]:
     """The trials worth refitting: the best trial of each form by actual gain, the two best by linear gain, and what is
     easily taken for the leader.
@@ -101,15 +109,12 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
     - `far`: the present model is far from the noise. It may sit in a minimum that no single step leaves; the forms that
         promise most are then refitted although no step towards them gains.
     """
-    by_form: dict[tuple[str, str], Trial] = {}
-    for trial in sorted(trials, key=lambda t: (-t.gain, -t.linear_gain)):
-        by_form.setdefault((trial.effect, type(trial.form).__name__), trial)
-    best = sorted(by_form.values(), key=lambda t: -t.gain)
+    best = one_of_each(trials)
     if not best or best[0].gain < least_gain:
-        promising = sorted(by_form.values(), key=lambda t: -t.linear_gain)
+        promising = sorted(best, key=lambda t: -t.linear_gain)
         return [t for t in promising if t.linear_gain > least_gain][:most] if far else []
     kept = [t for t in best if t.gain > _KEEP * best[0].gain and t.gain > least_gain][:most]
-    linear = sorted(by_form.values(), key=lambda t: -t.linear_gain)[:2]
+    linear = sorted(best, key=lambda t: -t.linear_gain)[:2]
     # What is easily taken for the leader may be the truth although its first step gains less: with all its forms, for
     # the step of one may be a mirage where that of the other is none.
     lead = best[0].form

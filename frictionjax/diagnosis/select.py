@@ -3,28 +3,30 @@
 import dataclasses
 from concurrent.futures import Executor
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.floor import Answer, answer_to_force, floor_of, force_noise, quietness
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, judge, left_over
+from frictionjax.diagnosis.floor import answer_to_force
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
-    Compared,
     Model,
     Refitted,
     compare,
     ease,
+    one_of_each,
     polish,
     refit_all,
     short_list,
 )
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
+from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, reviewed, tentative
 from frictionjax.diagnosis.wavelengths import wavelengths
+from frictionjax.diagnosis.weigh import FAR_FROM_NOISE, Step, settled, weigh
 from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
 from frictionjax.estimation.robust_fit import descend, level_out
 from frictionjax.estimation.scales import plant_scales
@@ -32,45 +34,10 @@ from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, cata
 
 LEAST_GAIN = 0.0005
 """Drop of the misfit, per sample, below which a candidate is not worth a refit."""
-LEAST_SHARE = 0.45
-"""Share of the misfit that an effect must explain, on fit and on held-out recordings, to be named."""
-LEAST_ENERGY = 0.3
-"""Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings."""
-FAR_FROM_NOISE = 0.8
-"""Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
-ENOUGH_SHARE = 0.8
-"""Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: what is left is then
-more likely the form of the effect found than another one."""
-SIGNIFICANCE = 1e-3
-# Short recordings have few clusters, and the score test little power in them. Standard errors by which a refit must
-# lead on the fitted recordings and on those that it never saw, to count as significant all the same.
-_LEADS = 4.0, 2.0
-_LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _ROUNDS = 3
 _LEVELLED = 0.2  # misfit above which a model may have given up a whole regime
-_BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
-_ALIKE = 0.03  # of the sum of the explained shares
 _CLOSE = 0.3  # the same: nearer than this the last steps of two refits may decide between them
 _WORTHLESS = 0.2  # the same: no last steps make a name of less
-
-
-class Step(eqx.Module):
-    """One round of the selection.
-
-    **Attributes:** `before` (model without the candidates; better than the one the round began with when a refit led to
-    a better one), `trials` (every test), `refits` (the short list, best first), `compared` (each of them against
-    `before`), `floor` (power of each block), `force` (unmeasured force over Coulomb friction), `accepted` (or None),
-    `rivals` (names that the recordings cannot tell from the accepted one).
-    """
-
-    before: Model
-    trials: list[Trial]
-    refits: list[Refitted]
-    compared: list[Compared]
-    floor: np.ndarray
-    force: float
-    accepted: Refitted | None
-    rivals: tuple[str, ...] = eqx.field(static=True)
 
 
 def try_catalogue(
@@ -116,6 +83,24 @@ def try_catalogue(
     return found
 
 
+def _worth_refitting(
+    model: Model, tried: list[list[Trial]], barred: frozenset[str], most: int
+) -> list[Trial]:
+    """The short lists of the trials, `most` forms in each. Under an imposed motion, far from the noise, every form: the
+    base model has come to rest in a corner, and no step from there says what would gain after many."""
+    misfits = model.judgement.misfits(np.ones((1, 1)))
+    far = max(misfits) > 2.0 * ADEQUATE_MISFIT
+    cornered = isinstance(model.joint.batch, ImposedBatch) and min(misfits) > FAR_FROM_NOISE
+    chosen = []
+    for some in tried:
+        open_to = [trial for trial in some if trial.effect not in barred]
+        if cornered:
+            chosen += [trial for trial in one_of_each(open_to) if np.isfinite(trial.gain)]
+        else:
+            chosen += short_list(open_to, most=most, least_gain=LEAST_GAIN, far=far)
+    return chosen
+
+
 def _presents(model: Model) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
@@ -123,46 +108,6 @@ def _presents(model: Model) -> list[Present]:
     if present.misfit < _LEVELLED or not isinstance(fast.batch, Batch):
         return [present]
     return [present, present_model(fast, level_out(fast, model.fitted.vector))]
-
-
-def effect_p_values(trials: list[Trial]) -> dict[str, float]:
-    """Effect -> smallest p-value of its trials times their number (Bonferroni over forms and grid), at most 1."""
-    grouped: dict[str, list[float]] = {}
-    for trial in trials:
-        grouped.setdefault(trial.effect, []).append(trial.p_value)
-    return {name: min(1.0, min(values) * len(values)) for name, values in grouped.items()}
-
-
-def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: float) -> tuple[bool, str]:
-    """Whether a refitted candidate may be named, and if not, why not.
-
-    **Arguments:**
-
-    - `found`: the candidate against the model without it.
-    - `before`: that model.
-    - `floor`: power of each block that a perfect model would leave.
-    - `p_value`: of its score test; where that is not significant, a clear lead of the refit is, and so is a refit that
-        brings the held-out recordings, which it never saw, to the noise: what acts in a few seconds of many has few
-        clusters to be tested in.
-    """
-    leads = found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]
-    if p_value > SIGNIFICANCE and not leads and not _mends(found, before.misfits(floor)):
-        return False, f"not significant (p = {p_value:.2g})"
-    if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
-        return True, ""
-    far = min(before.misfits(floor)) > FAR_FROM_NOISE
-    energy = min(found.energy_fit, found.energy_holdout)
-    if far and energy > LEAST_ENERGY and min(found.share_fit, found.share_holdout) > 0.0:
-        return True, ""
-    shares = f"{100 * found.share_fit:.0f} % on the fit, {100 * found.share_holdout:.0f} % on the held-out"
-    return False, f"explains too little ({shares} recordings)"
-
-
-def _mends(found: Compared, olds: tuple[float, float]) -> bool:
-    """Whether the candidate is adequate on fit and held-out recordings, and the model without it was not so on the
-    held-out ones, which no fit has seen."""
-    news = left_over(olds, (found.share_fit, found.share_holdout))
-    return olds[1] > ADEQUATE_MISFIT and max(news) < ADEQUATE_MISFIT
 
 
 def select(
@@ -190,17 +135,13 @@ def select(
     pair = None
     if isinstance(joint.batch, Batch):
         pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
-    steps: list[Step] = []
-    for number in range(_ROUNDS):
+
+    def one_round(model: Model, number: int) -> Step:
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
         tried = try_catalogue(model, scales, executor, without, pair)
         trials = [trial for some in tried for trial in some]
-        far = max(model.judgement.misfits(np.ones((1, 1)))) > 2.0 * ADEQUATE_MISFIT
-        chosen, most = [], 5 if number == 0 else 3
-        for some in tried:
-            open_to = [trial for trial in some if trial.effect not in barred]
-            chosen += short_list(open_to, most=most, least_gain=LEAST_GAIN, far=far)
+        chosen = _worth_refitting(model, tried, barred, 5 if number == 0 else 3)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
         refits = refit_all(chosen, model, scales, executor, pair)
         model = _better_base(model, refits)
@@ -209,72 +150,40 @@ def select(
         refits.sort(key=lambda r: -worth[id(r)])
         close = [r for r in refits[:2] if worth[id(r)] > max(_WORTHLESS, worth[id(refits[0])] - _CLOSE)]
         refits[: len(close)] = executor.map(polish, close)
-        step = _settled(weigh(model, trials, refits, answer))
-        steps.append(step)
-        if step.accepted is None:
+        return settled(weigh(model, trials, refits, answer))
+
+    first = one_round(model, 0)
+    steps = [first]
+    if first.accepted is None:
+        begun = None if _at_the_noise(first.before, first) else tentative(first)
+        if begun is None or begun.accepted is None:
+            return steps
+        second = one_round(begun.accepted.model, 1)
+        if second.accepted is None:
+            return steps
+        # Two that need each other; or the second was what is missing all along.
+        both = reviewed([begun, second], scales, answer)
+        if both[-1].accepted is None or (len(both) > 1 and not nearly_all(both)):
+            return steps
+        steps = both
+    for number in range(len(steps), _ROUNDS):
+        last = steps[-1].accepted
+        assert last is not None
+        whole = explained(steps[0].before.judgement, last.model.judgement, steps[-1].floor)
+        if _at_the_noise(last.model, steps[-1]) or min(whole) > ENOUGH_SHARE:
             break
-        model = step.accepted.model
-        whole = explained(steps[0].before.judgement, model.judgement, step.floor)
-        if max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT or min(whole) > ENOUGH_SHARE:
-            break
+        found = one_round(last.model, number)
+        if found.accepted is None:
+            return [*steps, found]
+        steps.append(found)
+        fewer = reviewed(steps, scales, answer)
+        if len(fewer) < len(steps):
+            return fewer
     return steps
 
 
-def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:
-    """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
-    powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
-    quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
-    force = min(force_noise(power, answer, model.joint, quiet) for power in powers)
-    # Errors that do not count in the fits do not count here either.
-    floor = np.maximum(floor_of(force, answer, quiet), model.joint.batch.eased[:, None])
-    compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
-    ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
-    p_values = effect_p_values(trials)
-
-    # What another candidate explains far better is not named, even if that one is refused.
-    most = max((compared[id(r)].worth for r in ranked), default=0.0)
-
-    def may(r: Refitted) -> bool:
-        near = compared[id(r)].worth > most - _BEHIND
-        return near and acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
-
-    accepted = next((r for r in ranked if may(r)), None)
-    if accepted is not None:
-        # Of two that explain alike the one with fewer parameters is named: a sine holds a spring, not the reverse.
-        least = compared[id(accepted)].worth - _ALIKE
-        alike = [r for r in ranked if may(r) and compared[id(r)].worth > least]
-        accepted = min(alike, key=_free)
-    rivals: tuple[str, ...] = ()
-    if accepted is not None:
-        rows = np.ones(accepted.model.judgement.held_out.shape, bool)
-        rivals = tuple(
-            sorted(
-                {
-                    r.effect
-                    for r in ranked
-                    if r.effect != accepted.effect
-                    and may(r)
-                    and advantage(accepted.model.judgement, r.model.judgement, rows, floor) < _LEAD
-                }
-            )
-        )
-    return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
-
-
-def _settled(step: Step) -> Step:
-    """The same step, with the model that was accepted weighed against what it leaves itself."""
-    if step.accepted is None:
-        return step
-    eased = ease(step.accepted.model)
-    if eased is step.accepted.model:
-        return step
-    accepted = Refitted(step.accepted.trial, eased)
-    refits = [accepted if r is step.accepted else r for r in step.refits]
-    return eqx.tree_at(lambda s: (s.accepted, s.refits), step, (accepted, refits))
-
-
-def _free(refitted: Refitted) -> int:
-    return len(refitted.model.joint.layout)
+def _at_the_noise(model: Model, step: Step) -> bool:
+    return max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT
 
 
 def _better_base(model: Model, refits: list[Refitted]) -> Model:

@@ -170,6 +170,17 @@ class Diagnosis(eqx.Module):
     seconds: dict[str, float] = eqx.field(static=True)
     within: tuple[Within, ...] = ()
 
+    def held_out_rmse(self, kind: Literal["prediction", "free_run"] = "prediction") -> tuple[float, float]:
+        """Root mean square error on the recordings kept aside, each counted alike: of the base model and of the
+        extended one, of the `kind` that is predicted 0.1 s ahead or run freely from the start; position units, force
+        units under an imposed motion."""
+        held = [fit for fit in self.recordings if fit.role == "holdout"]
+        base, extended = (
+            float(np.sqrt(np.mean([getattr(fit, f"{kind}_rmse_{model}") ** 2 for fit in held])))
+            for model in ("base", "extended")
+        )
+        return base, extended
+
     def explain(self, effect: str) -> str:
         """Why `effect` was named or was not, in a few sentences.
 

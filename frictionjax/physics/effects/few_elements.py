@@ -51,7 +51,9 @@ class FewElements(AbstractBristleEffect):
         source="Iwan 1966; Lampaert, Swevers, Al-Bender 2002 (GMS)",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", "share of the stiffness", lower=0.0, upper=1.0, probes=(0.05, 0.4)),
+        Parameter(
+            "share", "1", "share of the stiffness", lower=0.0, upper=1.0, probes=(0.05, 0.4), other_start=0.5
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         *_three("step", "logarithm of a yield over the one below it", 0.02, 4.0),

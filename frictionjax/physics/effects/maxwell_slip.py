@@ -42,7 +42,9 @@ class MaxwellSlip(AbstractBristleEffect):
         source="Iwan 1966; Lampaert, Swevers, Al-Bender 2002 (GMS)",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", "share of the stiffness", lower=0.0, upper=1.0, probes=(0.05, 0.4)),
+        Parameter(
+            "share", "1", "share of the stiffness", lower=0.0, upper=1.0, probes=(0.05, 0.4), other_start=0.5
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter("spread", "1", "half log range of yields", "log", lower=0.1, upper=4.0, grid=(1.0, 2.0)),

@@ -1,0 +1,145 @@
+"""Weigh: what the refitted candidates may be named for, seen above the floor that the best of them leaves."""
+
+import equinox as eqx
+import numpy as np
+
+from frictionjax.diagnosis.floor import Answer, floor_of, force_noise, quietness
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, left_over
+from frictionjax.diagnosis.name import Trial
+from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease
+
+LEAST_SHARE = 0.45
+"""Share of the misfit that an effect must explain, on fit and on held-out recordings, to be named."""
+LEAST_ENERGY = 0.3
+"""Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings."""
+FAR_FROM_NOISE = 0.8
+"""Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
+SIGNIFICANCE = 1e-3
+# Short recordings have few clusters, and the score test little power in them. Standard errors by which a refit must
+# lead on the fitted recordings and on those that it never saw, to count as significant all the same.
+_LEADS = 4.0, 2.0
+_LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
+_BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
+_ALIKE = 0.03  # of the sum of the explained shares
+
+
+class Step(eqx.Module):
+    """One round of the selection.
+
+    **Attributes:** `before` (model without the candidates; better than the one the round began with when a refit led to
+    a better one), `trials` (every test), `refits` (the short list, best first), `compared` (each of them against
+    `before`), `floor` (power of each block), `force` (unmeasured force over Coulomb friction), `accepted` (or None),
+    `rivals` (names that the recordings cannot tell from the accepted one).
+    """
+
+    before: Model
+    trials: list[Trial]
+    refits: list[Refitted]
+    compared: list[Compared]
+    floor: np.ndarray
+    force: float
+    accepted: Refitted | None
+    rivals: tuple[str, ...] = eqx.field(static=True)
+
+
+def effect_p_values(trials: list[Trial]) -> dict[str, float]:
+    """Effect -> smallest p-value of its trials times their number (Bonferroni over forms and grid), at most 1."""
+    grouped: dict[str, list[float]] = {}
+    for trial in trials:
+        grouped.setdefault(trial.effect, []).append(trial.p_value)
+    return {name: min(1.0, min(values) * len(values)) for name, values in grouped.items()}
+
+
+def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: float) -> tuple[bool, str]:
+    """Whether a refitted candidate may be named, and if not, why not.
+
+    **Arguments:**
+
+    - `found`: the candidate against the model without it.
+    - `before`: that model.
+    - `floor`: power of each block that a perfect model would leave.
+    - `p_value`: of its score test; where that is not significant, a clear lead of the refit is, and so is a refit that
+        brings the held-out recordings, which it never saw, to the noise: what acts in a few seconds of many has few
+        clusters to be tested in.
+    """
+    if not clear(found, before.misfits(floor), p_value):
+        return False, f"not significant (p = {p_value:.2g})"
+    if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
+        return True, ""
+    far = min(before.misfits(floor)) > FAR_FROM_NOISE
+    energy = min(found.energy_fit, found.energy_holdout)
+    if far and energy > LEAST_ENERGY and min(found.share_fit, found.share_holdout) > 0.0:
+        return True, ""
+    shares = f"{100 * found.share_fit:.0f} % on the fit, {100 * found.share_holdout:.0f} % on the held-out"
+    return False, f"explains too little ({shares} recordings)"
+
+
+def clear(found: Compared, olds: tuple[float, float], p_value: float) -> bool:
+    """Whether chance does not do what the candidate does; `olds` are the misfits without it, the rest as in
+    `acceptable`."""
+    leads = found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]
+    return p_value <= SIGNIFICANCE or leads or _mends(found, olds)
+
+
+def _mends(found: Compared, olds: tuple[float, float]) -> bool:
+    """Whether the candidate is adequate on fit and held-out recordings, and the model without it was not so on the
+    held-out ones, which no fit has seen."""
+    news = left_over(olds, (found.share_fit, found.share_holdout))
+    return olds[1] > ADEQUATE_MISFIT and max(news) < ADEQUATE_MISFIT
+
+
+def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:
+    """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
+    powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
+    quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
+    force = min(force_noise(power, answer, model.joint, quiet) for power in powers)
+    # Errors that do not count in the fits do not count here either.
+    floor = np.maximum(floor_of(force, answer, quiet), model.joint.batch.eased[:, None])
+    compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
+    ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
+    p_values = effect_p_values(trials)
+
+    # What another candidate explains far better is not named, even if that one is refused.
+    most = max((compared[id(r)].worth for r in ranked), default=0.0)
+
+    def may(r: Refitted) -> bool:
+        near = compared[id(r)].worth > most - _BEHIND
+        return near and acceptable(compared[id(r)], model.judgement, floor, p_values[r.effect])[0]
+
+    accepted = next((r for r in ranked if may(r)), None)
+    if accepted is not None:
+        # Of two that explain alike the one with fewer parameters is named: a sine holds a spring, not the reverse.
+        least = compared[id(accepted)].worth - _ALIKE
+        alike = [r for r in ranked if may(r) and compared[id(r)].worth > least]
+        accepted = min(alike, key=_free)
+    rivals: tuple[str, ...] = ()
+    if accepted is not None:
+        rows = np.ones(accepted.model.judgement.held_out.shape, bool)
+        rivals = tuple(
+            sorted(
+                {
+                    r.effect
+                    for r in ranked
+                    if r.effect != accepted.effect
+                    and may(r)
+                    and advantage(accepted.model.judgement, r.model.judgement, rows, floor) < _LEAD
+                }
+            )
+        )
+    return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def settled(step: Step) -> Step:
+    """The same step, with the model that was accepted weighed against what it leaves itself."""
+    if step.accepted is None:
+        return step
+    eased = ease(step.accepted.model)
+    if eased is step.accepted.model:
+        return step
+    accepted = Refitted(step.accepted.trial, eased)
+    refits = [accepted if r is step.accepted else r for r in step.refits]
+    return eqx.tree_at(lambda s: (s.accepted, s.refits), step, (accepted, refits))
+
+
+def _free(refitted: Refitted) -> int:
+    return len(refitted.model.joint.layout)

@@ -1,0 +1,151 @@
+"""Review: each of several effects is needed beside the others; two of one size are found though neither is alone."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, open_loop, stick_noise
+from helpers_plants import effect
+
+from frictionjax.core import silent
+from frictionjax.diagnosis import select as selection
+from frictionjax.diagnosis.floor import answer_to_force
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, judge
+from frictionjax.diagnosis.refit import Model, Refitted, compare
+from frictionjax.diagnosis.review import nearly_all, reviewed, superfluous, tentative, with_some
+from frictionjax.diagnosis.select import select
+from frictionjax.diagnosis.weigh import Step
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.robust_fit import descend
+from frictionjax.estimation.scales import plant_scales
+from frictionjax.physics import catalogue
+
+HELD_OUT = np.array([False, False, True, True])
+LOAD, ASYMMETRY = effect("ConstantLoad", load=0.03), effect("DirectionAsymmetry", coulomb=0.06)
+SILENT = {"load": LOAD.silenced(), "asymmetry": ASYMMETRY.silenced(), "spring": effect("ReturnSpring")}
+
+
+def _world(*effects):
+    """The base model and the plant's sizes, from noise in stick and moves of a plant with `effects`."""
+    drive = PLANT.with_effects(*effects)
+    recordings = []
+    for seed in (1, 3):
+        role = "fit" if seed == 1 else "holdout"
+        recordings.append(open_loop("stick", stick_noise(1.2, seed=seed), seed=seed, drive=drive, role=role))
+        recordings.append(open_loop("moves", _pushes(seed), seed=seed + 1, drive=drive, role=role))
+    batch = make_batch(tuple(recordings), encoder_step=FINE)
+    joint, vector = make_joint(PLANT, batch, HELD_OUT)
+    return _converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector), plant_scales(PLANT, batch)
+
+
+def _pushes(seed):
+    """Torque that drives the plant to and fro through break-away."""
+    t = np.arange(2400) / 2000.0
+    return 1.6 * np.sin(2 * np.pi * (2.0 + 0.3 * seed) * t) + 0.4 * np.sin(2 * np.pi * 7.0 * t)
+
+
+def _converged(joint, vector):
+    fitted = descend(joint, vector, graduate=False)
+    return Model(joint, fitted, judge(joint, fitted))
+
+
+def _with(model, name, scales):
+    return _converged(*extend(model.joint, model.fitted.vector, SILENT[name], scales))
+
+
+def _step(before, after, name, p_value=1e-9):
+    """A round that tried one effect and accepted it."""
+    form = SILENT[name]
+    trial = SimpleNamespace(effect=form.name, form=form, p_value=p_value)
+    refitted = Refitted(trial, after)
+    floor = np.ones_like(before.judgement.power)
+    compared = compare(before.judgement, after.judgement, floor)
+    return Step(before, [trial], [refitted], [compared], floor, 0.0, refitted, ())
+
+
+@pytest.fixture(scope="module")
+def two():
+    """A plant with a load and an asymmetry, the base model, and its sizes."""
+    return _world(LOAD, ASYMMETRY)
+
+
+@pytest.fixture(scope="module")
+def one():
+    """A plant with an asymmetry alone."""
+    return _world(ASYMMETRY)
+
+
+def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
+    base, scales = two
+    alone = _with(base, "asymmetry", scales)
+    full = _with(_with(base, "load", scales), "asymmetry", scales)
+    rest = with_some(base, full, [1], scales)
+    assert [type(e).__name__ for e in rest.joint.setting.drive.effects] == ["DirectionAsymmetry"]
+    assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-3)
+    back = with_some(base, full, [0, 1], scales)
+    assert back.fitted.misfit == pytest.approx(full.fitted.misfit, rel=1e-3)
+
+
+def test_both_effects_that_are_there_stay(two):
+    base, scales = two
+    first = _with(base, "load", scales)
+    second = _with(first, "asymmetry", scales)
+    steps = [_step(base, first, "load"), _step(first, second, "asymmetry")]
+    assert max(second.judgement.misfits(steps[-1].floor)) < ADEQUATE_MISFIT
+    assert superfluous(steps, scales) is None
+    assert reviewed(steps, scales, answer_to_force(base.joint, base.fitted.vector)) is steps
+    assert nearly_all(steps)
+
+
+def test_an_effect_that_is_not_there_goes(one):
+    """Accepted before the true one, it is not needed beside it."""
+    base, scales = one
+    first = _with(base, "load", scales)
+    second = _with(first, "asymmetry", scales)
+    steps = [_step(base, first, "load"), _step(first, second, "asymmetry")]
+    found = superfluous(steps, scales)
+    assert found is not None
+    assert found[0] == 0
+    fewer = reviewed(steps, scales, answer_to_force(base.joint, base.fitted.vector))
+    assert [step.accepted.effect for step in fewer] == ["direction_asymmetry"]
+    assert fewer[0].before is base
+    layout = fewer[0].accepted.model.joint.layout
+    assert [free.label for free in layout if free.path.startswith("effects.")] == ["coulomb"]
+
+
+def test_what_leads_is_tried_with_another_although_it_explains_too_little(two):
+    base, scales = two
+    first = _with(base, "load", scales)
+    step = _step(base, first, "load")
+    refused = dataclasses.replace(step, accepted=None)
+    begun = tentative(refused)
+    assert begun is not None
+    assert begun.accepted is refused.refits[0]
+    # Not what chance does, nor what promises next to nothing, nor where there is nothing.
+    nothing = compare(base.judgement, base.judgement, step.floor)
+    for other in ({"compared": [nothing]}, {"refits": [], "compared": []}):
+        assert tentative(dataclasses.replace(refused, **other)) is None
+    assert tentative(step) is None  # one is accepted
+
+
+@pytest.mark.slow
+def test_two_effects_of_one_size_are_found(two, monkeypatch):
+    """Neither may be named alone."""
+    base, _ = two
+    forms = {
+        name: catalogue()[name] for name in ("constant_load", "direction_asymmetry", "return_spring", "delay")
+    }
+    monkeypatch.setattr(selection, "catalogue", lambda: forms)
+    with ThreadPoolExecutor(2) as executor:
+        steps = select(base, executor, silent)
+    alone = [step for step in steps if step.accepted is not None]
+    assert {step.accepted.effect for step in alone} == {"constant_load", "direction_asymmetry"}
+    drive = alone[-1].accepted.model.judgement.drive
+    sizes = {type(e).__name__: e for e in drive.effects}
+    assert float(sizes["ConstantLoad"].load) == pytest.approx(0.03, rel=0.05)
+    assert float(sizes["DirectionAsymmetry"].coulomb) == pytest.approx(0.06, rel=0.05)
+    assert jnp.all(jnp.isfinite(alone[-1].accepted.model.fitted.vector))
