@@ -19,7 +19,7 @@ from helpers_estimation import (
 from helpers_plants import effect
 
 from frictionjax.core.compile_time import CompileClock
-from frictionjax.diagnosis.base_fit import message_of, parameters_of
+from frictionjax.diagnosis.base_fit import message_of, parameters_of, told_parameters
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation import starting_values
@@ -307,9 +307,16 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
     joint, vector = fitted.joint, fitted.fitted.vector
     away = vector.at[1].add(0.5)
-    np.testing.assert_array_equal(at_finer_steps(joint, away, joint.look(away)), away)
+    kept, led_away = at_finer_steps(joint, away, joint.look(away))
+    np.testing.assert_array_equal(kept, away)
+    assert led_away
+    far = told_parameters(Model(joint, Fitted(away, joint.look(away), 0.0, True), fitted.judgement), UNITS)
+    assert far[1].startswith("The parameters are those of one integration step a sample")
+    assert told_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
-    np.testing.assert_array_equal(at_finer_steps(joint, vector, lost), vector)
+    kept, led_away = at_finer_steps(joint, vector, lost)
+    np.testing.assert_array_equal(kept, vector)
+    assert not led_away
 
 
 @pytest.mark.slow

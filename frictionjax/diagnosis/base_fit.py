@@ -17,6 +17,11 @@ from frictionjax.estimation.robust_fit import Fitted, descend
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
+_COARSE = (
+    "The parameters are those of one integration step a sample, from which finer steps lead far away: they may be off "
+    "by more than their errors."
+)
+
 
 def base_of(begun: Beginning, executor: Executor, progress: Progress, *, known_inertia: bool) -> Model:
     """The base model fitted to the recordings of `begun` that are not held out; `known_inertia` keeps J."""
@@ -69,14 +74,20 @@ def fit_base(
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model`, without the error of one integration step a sample, with
     standard errors by the clustered sandwich; `units` maps force, position, input to unit names."""
+    return told_parameters(model, units)[0]
+
+
+def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Estimate], str]:
+    """The same, and what is to be said of them: that the error of the integration is still in them; empty when there is
+    nothing."""
     joint = model.joint
-    vector = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
+    vector, away = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
     hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
     else:
         covariance = np.full(hessian.shape, np.inf)
-    return estimates(joint.layout, vector, joint.setting, covariance, units)
+    return estimates(joint.layout, vector, joint.setting, covariance, units), _COARSE if away else ""
 
 
 def message_of(model: Model) -> str:

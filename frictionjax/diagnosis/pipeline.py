@@ -10,7 +10,7 @@ import numpy as np
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.axes import Motion, axes_of
-from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of
+from frictionjax.diagnosis.base_fit import base_of, message_of, parameters_of, told_parameters
 from frictionjax.diagnosis.begin import begin, check
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import evidence_of
@@ -142,8 +142,11 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     progress("locating", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
     bins = located.bins
-    base_parameters = parameters_of(base, units)
-    extended = base_parameters if final is base else parameters_of(final, units)
+    base_parameters, coarse = told_parameters(base, units)
+    extended = base_parameters
+    if final is not base:
+        extended, coarse = told_parameters(final, units)
+    notes += [coarse] if coarse else []
     experiments, not_designed = _experiments(steps, progress)
     notes += not_designed
     missing = _missing(steps, extended, located.where, experiments)

@@ -35,7 +35,7 @@ def _slope(layout, vector, columns, setting: Setting, fitted) -> Float[Array, " 
     return seen @ (weight * e).ravel() + (vector - setting.start) * setting.prior**2
 
 
-def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> Float[Array, " q"]:
+def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> tuple[Float[Array, " q"], bool]:
     """The minimum of the robust cost with four integration steps a sample, by Newton steps with the matrix of one.
 
     **Arguments:**
@@ -46,12 +46,12 @@ def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> Floa
 
     **Returns:**
 
-    The corrected vector, shape `(q,)`; `vector` itself under an imposed motion, whose runs keep their own steps, where
-    its derivatives are not finite, and where the steps lead away.
+    The corrected vector, shape `(q,)`, and whether the steps led away: then, as under an imposed motion, whose runs
+    keep their own steps, and where derivatives are not finite, it is `vector` itself.
     """
     hessian = np.asarray(look.hessian)
     if not isinstance(joint.batch, Batch) or not np.all(np.isfinite(hessian)):
-        return vector
+        return vector, False
     count = len(joint.layout)
     _, columns = joint.errors_and_columns(vector)
     inverse = np.linalg.pinv(hessian, hermitian=True)
@@ -63,4 +63,5 @@ def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> Floa
         now = now - np.where(shown, inverse @ np.asarray(slope), 0.0)
     moved = np.abs(now - np.asarray(vector))[:count]
     bound = np.maximum(_FARTHEST, np.sqrt(np.maximum(np.diag(inverse), 0.0)))[:count]
-    return jnp.asarray(now) if np.all(moved < bound) else vector
+    away = not np.all(moved < bound)
+    return (vector if away else jnp.asarray(now)), away
