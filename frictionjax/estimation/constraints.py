@@ -42,6 +42,28 @@ class Belief(eqx.Module):
     mean: Float[Array, ""] = eqx.field(converter=real)
     std: Float[Array, ""] = eqx.field(converter=real)
 
+    def value(self, drive: Drive) -> Float[Array, ""]:
+        """The parameter in `drive`."""
+        return part_of(drive, self.path)
+
+
+class Held(eqx.Module):
+    """One of several parameters held at `mean` within `std`, in its unit. Which one is a number: another one compiles
+    nothing anew.
+
+    **Attributes:** `paths` (places in the `Drive`), `chosen` (1 for the one, 0 for the others, shape `(p,)`), `mean`,
+    `std`.
+    """
+
+    paths: tuple[str, ...] = eqx.field(static=True)
+    chosen: Float[Array, " p"]
+    mean: Float[Array, ""] = eqx.field(converter=real)
+    std: Float[Array, ""] = eqx.field(converter=real)
+
+    def value(self, drive: Drive) -> Float[Array, ""]:
+        """The parameter in `drive`."""
+        return jnp.sum(self.chosen * jnp.stack([part_of(drive, path) for path in self.paths]))
+
 
 class Constraints(eqx.Module):
     """The choices of a fit, resolved and checked.
@@ -51,7 +73,7 @@ class Constraints(eqx.Module):
 
     layout: tuple[Free, ...]
     ties: tuple[Tie, ...]
-    beliefs: tuple[Belief, ...]
+    beliefs: tuple[Belief | Held, ...]
 
     def tied(self, drive: Drive) -> Drive:
         """`drive` with its tied parameters set from those that they follow."""
@@ -184,8 +206,8 @@ def _beliefs(priors: Mapping[str, tuple[float, float]], known: Mapping[str, Free
     return tuple(found)
 
 
-def belief_residuals(beliefs: tuple[Belief, ...], drive: Drive) -> Float[Array, " k"]:
+def belief_residuals(beliefs: tuple[Belief | Held, ...], drive: Drive) -> Float[Array, " k"]:
     """(value - mean) / std of each of `beliefs` at `drive`, shape `(k,)`."""
     if not beliefs:
         return jnp.zeros(0)
-    return jnp.stack([(part_of(drive, one.path) - one.mean) / one.std for one in beliefs])
+    return jnp.stack([(one.value(drive) - one.mean) / one.std for one in beliefs])

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Key
 from scipy.stats import chi2
 
 from frictionjax.core import InputError, Progress, require_x64, silent
-from frictionjax.estimation.constraints import Belief
+from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.parameters import part_of
@@ -106,8 +106,8 @@ def _held(posterior: Posterior, vector, means):
             there, vector, LONG * equal_curvature(there, vector), _STEPS, tolerance=CLOSE
         )
         own = there.constraints.beliefs[-1]
-        off = (part_of(there.drive_of(end.vector), own.path) - own.mean) / own.std
-        return end.cost - 0.5 * off**2, part_of(there.drive_of(end.vector), own.path)
+        value = own.value(there.drive_of(end.vector))
+        return end.cost - 0.5 * ((value - own.mean) / own.std) ** 2, value
 
     return jax.lax.map(one, means, batch_size=_LANES)
 
@@ -148,9 +148,10 @@ def profile_likelihood(
                 f"`{name}` has no standard error to set the range by", place="`values`", cure="Give `values`."
             )
         values = estimate.value + spread * np.array([-3.0, -2.0, -1.3, -0.7, 0.7, 1.3, 2.0, 3.0])
-    path = posterior.constraints.layout[place].path
+    layout = posterior.constraints.layout
     scale = spread if np.isfinite(spread) else float(np.ptp(values)) / len(values)
-    belief = Belief(name, path, estimate.value, _HELD * scale)
+    chosen = jnp.zeros(len(layout)).at[place].set(1.0)
+    belief = Held(tuple(free.path for free in layout), chosen, estimate.value, _HELD * scale)
     with_belief = eqx.tree_at(
         lambda p: p.constraints.beliefs,
         posterior,
