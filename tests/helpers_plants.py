@@ -82,6 +82,7 @@ LARGE = {
     "ConstantLoad": (0.2,),
     "Creep": (2.5,),
     "LogarithmicCreep": (0.5,),
+    "TwoStageCreep": (1.0,),
     "Delay": (0.7e-3,),
     "DirectionAsymmetry": (0.1,),
     "ViscousAsymmetry": (0.5,),

@@ -150,6 +150,7 @@ SLIDING = {
         lambda x, v: np.sign(v) * (FC + (FS - FC) / (1.0 + (v / VS) ** 2)) + S2 * v,
     ),
     "LogarithmicCreep": ({"compliance": 0.1}, _steady()),
+    "TwoStageCreep": ({"compliance": 0.1}, _steady()),
     "ElastoPlastic": ({"plasticity": 0.7}, _steady()),
     "SharpYield": ({"exponent_change": 2.0}, _steady()),
     "MicroDamping": ({"fall": 0.8}, _steady()),
@@ -241,6 +242,19 @@ def test_creep_goes_on_under_a_constant_force_and_ends():
         x[40 + 20] / elastic - 1.0
     )  # one time constant after the elastic response, which takes some 10 ms
     assert at_one == pytest.approx(0.3 * (1.0 - np.exp(-(60 - 10) / 40)), rel=0.1)
+
+
+def test_two_stages_of_creep_are_two_creeps():
+    """A fast and a slow element, against two creeps of one element each in series."""
+    stages = effect("TwoStageCreep", compliance=0.3, time_constant=0.01, ratio=8.0, slow_part=0.4)
+    fast = effect("Creep", compliance=0.18, time_constant=0.01)
+    slow = effect("Creep", compliance=0.12, time_constant=0.08)
+    force = np.where(np.arange(800) < 500, 0.4, -0.1)
+    together, apart = (
+        np.asarray(simulate(TABLE_I.with_effects(*some), force, 2000.0).x)
+        for some in ((stages,), (fast, slow))
+    )
+    np.testing.assert_allclose(together, apart, rtol=1e-9, atol=1e-12 * np.abs(apart).max())
 
 
 def test_outside_the_stroke_the_polynomial_stays_where_it_was():

@@ -58,6 +58,44 @@ class Creep(AbstractCreepEffect):
         return source[0] - rate[0] * now.hidden[0]
 
 
+class TwoStageCreep(AbstractCreepEffect):
+    """Two Kelvin-Voigt elements in series with the bristle, a fast and a slow one.
+
+    **Arguments:**
+
+    - `compliance`: final creep of both over the elastic deflection.
+    - `time_constant`: of the fast one, s.
+    - `ratio`: of the slow time constant to the fast one.
+    - `slow_part`: of the compliance, in the slow element.
+    """
+
+    compliance: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    time_constant: Float[Array, "..."] = eqx.field(converter=real, default=0.05)
+    ratio: Float[Array, "..."] = eqx.field(converter=real, default=10.0)
+    slow_part: Float[Array, "..."] = eqx.field(converter=real, default=0.5)
+
+    states: ClassVar[int] = 2
+    name: ClassVar[str] = "creep"
+    about: ClassVar[About] = _ABOUT
+    strengths: ClassVar[tuple[Parameter, ...]] = (_STRENGTH,)
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "time_constant", "s", "fast time constant", "log", lower=0.005, upper=10.0, grid=(0.02, 0.2)
+        ),
+        Parameter("ratio", "1", "slow over fast time constant", "log", lower=1.5, upper=300.0, grid=(10.0,)),
+        Parameter("slow_part", "1", "part of the slow element", "log", lower=0.02, upper=0.98, grid=(0.5,)),
+    )
+
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        rate = 1.0 / (self.time_constant * jnp.stack([jnp.ones_like(self.ratio), self.ratio]))
+        part = jnp.stack([1.0 - self.slow_part, self.slow_part])
+        return self.compliance * now.spring / friction.sigma0 * part * rate, rate
+
+    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        source, rate = self.relax(friction, now)
+        return jnp.sum(source - rate * now.hidden)
+
+
 class LogarithmicCreep(AbstractCreepEffect):
     """Kelvin-Voigt elements in series, one a decade and alike: under a constant force x_c grows with log t.
 
