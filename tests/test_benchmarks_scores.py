@@ -1,6 +1,7 @@
 """Scores of the blind challenge on hand-made verdicts whose scores are known, and what the simulator witnesses."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from benchmarks.concealed.intervals import bootstrapped, wilson
 from benchmarks.concealed.reality import make_case
 from benchmarks.concealed.reveal import page
 from benchmarks.concealed.scores import scores
-from benchmarks.concealed.tables import TABLES
+from benchmarks.concealed.tables import TABLES, rivals, summary
 from benchmarks.concealed.witness import REGIMES, missing_force, regime_of
 from tests.helpers_challenge import answer, truth, verdict
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +94,7 @@ def test_scores_of_known_verdicts(answers):
     assert answers[0].recovery is None
     assert found["rivals"]["largest_r2"]["false_names"]["hits"] == 1
     assert found["rivals"]["largest_r2"]["right"]["hits"] == 0
-    assert found["stated_together"] == {"delay | drive_lag": 1}
+    assert found["stated_together"] == {"delay, drive_lag": 1}
     assert found["overlap"]["cosines"] == [[1.0, 0.4], [0.4, 1.0]]
     row = found["confusion"]["counts"][found["confusion"]["rows"].index("drive_lag")]
     assert found["confusion"]["columns"][int(np.argmax(row))] == "delay"
@@ -159,3 +162,29 @@ def test_the_witness_sees_where_an_effect_acts_and_predicts_to_the_noise():
     assert scored.mean() > 0.9
     blind = np.std(recording["x"][200:] - recording["x"][:-200])
     assert np.sqrt(np.mean((hidden.ahead - recording["x"])[scored] ** 2)) < 0.01 * blind
+
+
+# The batch in README
+
+
+def _rows(text):
+    return {line for line in text.splitlines() if line.startswith("| ")}
+
+
+def test_readme_tells_what_the_last_batch_measured():
+    """Its tables are rows of what `reveal` prints from the scores that are kept, and its seed and seal are theirs."""
+    kept = sorted((ROOT / "benchmarks" / "results").glob("concealed-*.json"))
+    results = json.loads(kept[-1].read_text(encoding="utf-8"))
+    assert results["scores"]["cases"] >= 120
+    assert not results["solver"]["changed_files"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = readme.split("## The blind challenge")[1].split("\n## ")[0]
+    told = _rows(section)
+    measured = _rows(summary(results["scores"])) | _rows(rivals(results["scores"]))
+    assert len(told) > 10
+    assert told <= measured
+    assert f"seed {results['seed']}" in section
+    assert results["sealed"][:16] in section
+    assert results["solver"]["commit"][:7] in section
+    series = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert all(f"| {path.stem.removeprefix('concealed-')} |" in series for path in kept)

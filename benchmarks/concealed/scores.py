@@ -219,7 +219,7 @@ def detectable(answers: Sequence[Answer]) -> dict:
 def stated_together(answers: Sequence[Answer]) -> dict[str, int]:
     """Names that verdicts could not tell apart, and in how many cases."""
     classes = (tuple(sorted(m["class"])) for a in answers for m in a.verdict["missing"])
-    return dict(Counter(" | ".join(names) for names in classes if len(names) > 1).most_common())
+    return dict(Counter(", ".join(names) for names in classes if len(names) > 1).most_common())
 
 
 def scores(answers: Sequence[Answer]) -> dict:
