@@ -12,6 +12,9 @@ from frictionjax.physics.effects.base import About, AbstractSlipEffect
 
 # Below this bend the power is that of a straight line through zero: a slope that no step could follow is cut.
 _LEAST_BEND = 1e-6
+_MOST_BEND = (
+    3.0  # where a level that falls with velocity leaves a bristle; from there on it yields in proportion
+)
 
 
 class SharpYield(AbstractSlipEffect):
@@ -41,5 +44,5 @@ class SharpYield(AbstractSlipEffect):
 
     def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
         # Not `power`: that has no slope at zero, where the base model has the slope 1.
-        logarithm = jnp.log(jnp.maximum(jnp.abs(bend), _LEAST_BEND))
+        logarithm = jnp.log(jnp.clip(jnp.abs(bend), _LEAST_BEND, _MOST_BEND))
         return bend * jnp.exp(self.exponent_change * logarithm)
