@@ -164,7 +164,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["select.SIGNIFICANCE"] == [1e-3]
+    assert began["thresholds"]["weigh.SIGNIFICANCE"] == [1e-3]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
