@@ -299,7 +299,8 @@ def test_effects_batch(form):
         x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
         hidden = 1e-3 * jnp.ones(drive.hidden_count)
         friction = drive.friction_force(drive.bristles(), x, v, z, H, hidden, 0.3)
-        return drive.applied_force(u, dt), friction, drive.seen(x, v, dt), drive.load_side
+        flow = drive.relaxation(drive.instant(x, v, 0.3, 0.0, hidden))
+        return drive.applied_force(u, dt), friction, flow, drive.seen(x, dt, hidden), drive.load_side
 
     def make(value):
         return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))

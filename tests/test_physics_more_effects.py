@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.signal
 from helpers_plants import FORMS, SMALL, TABLE_I, effect, some_slow
 
 from frictionjax.physics import Drive
@@ -288,14 +289,28 @@ def test_an_input_of_zero_has_no_derivative_in_the_dead_zone():
 
 
 def test_sensors_show_what_they_should():
-    x, v, t = jnp.asarray(1.3e-4), jnp.asarray(0.02), jnp.asarray(0.0123)
-    assert float(effect("SensorLag", lag=2e-3).seen(x, v, t)) == pytest.approx(1.3e-4 - 4e-5, rel=1e-12)
+    x, t, none = jnp.asarray(1.3e-4), jnp.asarray(0.0123), jnp.zeros(0)
     wave = 2e-7 * np.sin(2 * np.pi * 1.3e-4 / 4e-4) + 3e-7 * np.cos(2 * np.pi * 1.3e-4 / 4e-4)
     made = effect("EncoderError", sine=2e-7, cosine=3e-7)
-    assert float(made.seen(x, v, t)) == pytest.approx(1.3e-4 + wave, rel=1e-12)
+    assert float(made.seen(x, t, none)) == pytest.approx(1.3e-4 + wave, rel=1e-12)
     hum = 2e-7 * np.sin(2 * np.pi * 60.0 * 0.0123) + 3e-7 * np.cos(2 * np.pi * 60.0 * 0.0123)
     made = effect("MainsPickup", sine=2e-7, cosine=3e-7, frequency=60.0)
-    assert float(made.seen(x, v, t)) == pytest.approx(1.3e-4 + hum, rel=1e-12)
+    assert float(made.seen(x, t, none)) == pytest.approx(1.3e-4 + hum, rel=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0.0, 1e-4, 2.5e-3])
+def test_a_slow_sensor_filters_the_position(lag):
+    """Against SciPy's filter y of lag y' = x - y on positions of a step ten times finer, from rest."""
+    u = 3.0 * np.sin(2 * np.pi * 12.0 * np.arange(2000) / RATE)
+    drive = TABLE_I.with_effects(effect("SensorLag", lag=lag))
+
+    seen = simulate(drive, u, RATE, substeps=4).measured
+    x = np.asarray(simulate(TABLE_I, np.repeat(u, 10), 10 * RATE, substeps=4).x)
+    t = np.arange(x.size) / (10 * RATE)
+    y = x if lag == 0.0 else scipy.signal.lsim(([1.0], [lag, 1.0]), x, t)[1]
+    np.testing.assert_allclose(seen, y[::10], atol=2e-4 * np.ptp(x))
+    if lag > 1e-3:
+        assert np.max(np.abs(y - x)) > 2e-2 * np.ptp(x)
 
 
 # Load side
@@ -355,7 +370,7 @@ def test_every_strength_and_state_has_a_derivative_at_zero(form):
         drive = TABLE_I.with_effects(effect(form, **dict(zip(names, size * strengths, strict=True))))
         push = drive.applied_force(u, DT)[-1]
         state = advance(drive, drive.bristles(), initial_state(drive, *start), push, DT, 1)
-        return jnp.stack([1e5 * drive.seen(state.x, state.v, DT), 1e2 * state.v, 1e5 * state.z[0]])
+        return jnp.stack([1e5 * drive.seen(state.x, DT, state.hidden), 1e2 * state.v, 1e5 * state.z[0]])
 
     @jax.jit
     @jax.vmap

@@ -59,7 +59,7 @@ def test_derivatives_at_rest_are_zero_by_both_modes():
 UNITS = np.array([SMALL.get(form, 0.01) for form, _ in STRENGTHS])
 """A small value of each of STRENGTHS, for scale."""
 ZERO = jnp.zeros(len(STRENGTHS))
-ONE_SIDED = ("delay", "time_constant", "share", "cut")
+ONE_SIDED = ("delay", "lag", "time_constant", "share", "cut")
 NOT_THERE = LOADS[:1]
 """A drive takes one inertia of its own."""
 NOT_STEEP = {
@@ -75,8 +75,7 @@ NO_SLOPE = ("FrictionLag", "WarmupByTemperature")
 def _with_strengths(relative, u):
     """Measured position."""
     drive = with_every_effect(TABLE_I, relative * UNITS, but=NOT_THERE)
-    run = simulate(drive, u, RATE)
-    return jax.vmap(drive.seen)(run.x, run.v, run.t)
+    return simulate(drive, u, RATE).measured
 
 
 _forward_strengths = jax.jit(jax.jacfwd(_with_strengths))
@@ -99,7 +98,7 @@ def test_each_effect_of_zero_strength_changes_no_bit(form):
         TABLE_I.parallel_force(TABLE_I.instant(x, v))
     )
     assert float(drive.bristles().share[0]) == 1.0
-    assert float(drive.seen(x, v, dt)) == float(x)
+    assert float(drive.seen(x, dt, jnp.zeros(drive.hidden_count))) == float(x)
     assert float(drive.sigma1(v)) == float(TABLE_I.sigma1(v))
     assert float(drive.slip(x / 1e-3, v)) == float(x / 1e-3)
     assert float(drive.bristle_speed(drive.instant(x, v))) == float(v)

@@ -112,8 +112,7 @@ def _with(drive, values):
 def _relative(factors, values, u):
     """Measured position when each value is multiplied by its factor; `factors` and `values` name -> array."""
     drive = _with(TABLE_I, {name: factors[name] * values[name] for name in values})
-    run = simulate(drive, u, RATE)
-    return jax.vmap(drive.seen)(run.x, run.v, run.t)
+    return simulate(drive, u, RATE).measured
 
 
 QUICK = ("ConstantLoad", "Creep", "MaxwellSlip", "StribeckShape", "FlexibleTransmission")
@@ -233,8 +232,7 @@ def _run_and_slopes(numbers, u):
         own = {name: [v for n, v in zip(names, values, strict=True) if n == name] for name in FORMS}
         own.pop(LOADS[1])  # a drive takes one
         drive = _with(Drive(J, LuGre(*friction)), own)
-        run = simulate(drive, u, RATE, v0=v0, z0=z0, substeps=1)
-        return jax.vmap(drive.seen)(run.x, run.v, run.t)
+        return simulate(drive, u, RATE, v0=v0, z0=z0, substeps=1).measured
 
     return run(numbers), jax.jacfwd(run)(numbers)
 

@@ -175,8 +175,7 @@ def test_noise_alone_is_left_by_every_effect_in_its_own_observer(form):
     highest = float(TABLE_I.friction.Fs / TABLE_I.motor_constant)
     for name, u in _pushes(highest, N).items():
         run = simulate(drive, jnp.asarray(u), rate, substeps=4)
-        seen = jax.vmap(drive.seen)(run.x, run.v, run.t)
-        x = seen + noise * np.random.default_rng(3).standard_normal(N)
+        x = run.measured + noise * np.random.default_rng(3).standard_normal(N)
         found = innovations(drive, drive.applied_force(jnp.asarray(u), dt), x, dt, gains, ZERO)[1000:]
         ratio = float(jnp.sqrt(jnp.mean(found**2))) / noise
         assert ratio == pytest.approx(float(innovation_gain(gains)), rel=0.1), name

@@ -176,6 +176,6 @@ def _explicit(drive, u):
 def test_elasto_slip_agrees_with_small_explicit_steps(shape, gate):
     drive = TABLE_I.with_effects(effect("MaxwellSlip", share=0.5, spread=1.0))
     u = jnp.asarray(1.5 * SHAPES[shape])
-    exact = Trajectory(u, _explicit(drive, u), u, u[:, None], u)
+    exact = Trajectory(u, _explicit(drive, u), u, u[:, None], u, u)
     assert _error(drive, u, exact, 1) < gate
     assert _error(drive, u, exact, 4) < 0.6 * gate

@@ -66,12 +66,20 @@ class Drive(eqx.Module):
                 u = effect.apply(u, dt)
         return self.motor_constant * u
 
-    def seen(self, x: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
-        """What the position sensor shows at position `x`, velocity `v` and `t` s after the first sample."""
-        for effect in self.effects:
+    def seen(self, x: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " m"]) -> Float[Array, ""]:
+        """What the position sensor shows at position `x` and `t` s after the first sample, with the states `hidden` of
+        effects, shape `(m,)`."""
+        for effect, own in self._own_states(hidden):
             if isinstance(effect, AbstractSensorEffect):
-                x = effect.seen(x, v, t)
+                x = effect.seen(x, t, own)
         return x
+
+    @property
+    def sensor_remembers(self) -> bool:
+        """Whether what the sensor shows depends on states of its own."""
+        return any(
+            isinstance(e, AbstractSensorEffect) and isinstance(e, AbstractStateEffect) for e in self.effects
+        )
 
     @property
     def state_count(self) -> int:
@@ -107,13 +115,18 @@ class Drive(eqx.Module):
         states = jnp.zeros(self.hidden_count) if hidden is None else hidden
         return Now(x, v, jnp.asarray(push), jnp.asarray(spring), states)
 
-    def _own(self, now: Now):
-        """Every effect with a `Now` that holds its own states alone."""
+    def _own_states(self, hidden: Float[Array, " m"]):
+        """Every effect with its own states alone."""
         first = 0
         for effect in self.effects:
             count = effect.states if isinstance(effect, AbstractStateEffect) else 0
-            yield effect, Now(now.x, now.v, now.push, now.spring, now.hidden[first : first + count])
+            yield effect, hidden[first : first + count]
             first += count
+
+    def _own(self, now: Now):
+        """Every effect with a `Now` that holds its own states alone."""
+        for effect, hidden in self._own_states(now.hidden):
+            yield effect, Now(now.x, now.v, now.push, now.spring, hidden)
 
     def level(self, x: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
         """Steady-state friction level G without viscous part, force, at position `x` and velocity `v`, for an idle

@@ -41,7 +41,7 @@ def residual_force(
     def sample(carry, inputs):
         state, missing = carry
         push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, state.v, t)
+        innovation = measured - drive.seen(state.x, t, state.hidden)
         missing = missing + gain * innovation
         state = corrected(drive, bristles.slack, state, innovation, gains)
         return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing

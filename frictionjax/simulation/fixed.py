@@ -1,5 +1,6 @@
 """`simulate`: free run of a drive on a sampled input, by the production scheme."""
 
+import dataclasses
 from typing import Literal
 
 import equinox as eqx
@@ -19,8 +20,9 @@ class Trajectory(eqx.Module):
     """A simulated experiment; arrays have shape `(n,)` (`z`: `(n, bristles)`), values at the sample instants.
 
     **Attributes:** `t` (s), `x` (position), `v` (position/s), `z` (deflection of each bristle, position),
-    `friction` (opposing force: friction (1) and the force effects, force); `substeps` (steps per sample), `error`
-    (estimated largest error of `x`, position; None unless `substeps` was `"auto"`).
+    `friction` (opposing force: friction (1) and the force effects, force), `measured` (position as its sensor shows it:
+    `x` and what effects on the sensor make of it, without noise or quantisation); `substeps` (steps per sample),
+    `error` (estimated largest error of `x`, position; None unless `substeps` was `"auto"`).
     """
 
     t: Float[Array, " n"]
@@ -28,6 +30,7 @@ class Trajectory(eqx.Module):
     v: Float[Array, " n"]
     z: Float[Array, "n bristles"]
     friction: Float[Array, " n"]
+    measured: Float[Array, " n"]
     substeps: int | None = eqx.field(static=True, default=None)
     error: float | None = eqx.field(static=True, default=None)
 
@@ -75,7 +78,9 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
     _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0, before), push)
     # Once the run is there: side by side, where one after the other would hold up the loop.
     friction = jax.vmap(friction_of)(run, push)
-    return Trajectory(jnp.arange(u.shape[0], dtype=u.dtype) * dt, run.x, run.v, run.z, friction, substeps)
+    t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
+    measured = jax.vmap(drive.seen)(run.x, t, run.hidden)
+    return Trajectory(t, run.x, run.v, run.z, friction, measured, substeps)
 
 
 def simulate(
@@ -151,7 +156,7 @@ def _refined(drive: Drive, u, dt, start, tolerance: float | None, before: Before
         fine = _simulate(drive, u, dt, x0, v0, z0, 2 * steps, before)
         error = 4.0 / 3.0 * float(jnp.max(jnp.abs(fine.x - coarse.x)))
         if error < tolerance:
-            return Trajectory(coarse.t, coarse.x, coarse.v, coarse.z, coarse.friction, steps, error)
+            return dataclasses.replace(coarse, substeps=steps, error=error)
         coarse, steps = fine, 2 * steps
     raise ValueError(
         f"{_MOST_STEPS} steps a sample leave an error of {error / 4.0:.2g}, more than the tolerance {tolerance:.2g}. "

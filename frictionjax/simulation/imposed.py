@@ -245,7 +245,7 @@ def imposed_friction(
 @eqx.filter_jit
 def _simulate_imposed(drive, x, dt, z0, v, substeps):
     v, z, friction = run_imposed(drive, x, dt, z0, v=v, substeps=substeps)
-    return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, substeps)
+    return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, x, substeps)
 
 
 def simulate_imposed(

@@ -195,18 +195,20 @@ def signals_along(
         if isinstance(effect, AbstractStateEffect):
             hidden = relaxed(hidden, *effect.relax(friction, own), dt)
         parts = (against, lift, bend_force, more_slip, damp, slow)
-        return (hidden, plays, load), Injection(*(part + 0.0 * here.x for part in parts))
+        injection = Injection(*(part + 0.0 * here.x for part in parts))
+        return (hidden, plays, load), (injection, own.hidden)
 
     count = effect.count if isinstance(effect, AbstractBristleEffect) else 0
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
-        _, injection = jax.lax.scan(sample, carry, known)
+        _, (injection, hidden) = jax.lax.scan(sample, carry, known)
     else:
         # Without memory the samples go side by side.
-        injection = jax.vmap(lambda here: sample(carry, here)[1])(known)
+        injection, hidden = jax.vmap(lambda here: sample(carry, here)[1])(known)
     shown = jnp.zeros(n)
     if isinstance(effect, AbstractSensorEffect):
-        shown = jax.vmap(effect.seen)(known.x, known.v, jnp.arange(n, dtype=known.x.dtype) * dt) - known.x
+        t = jnp.arange(n, dtype=known.x.dtype) * dt
+        shown = jax.vmap(effect.seen)(known.x, t, hidden) - known.x
     return Signals(injection, other, shown)
 
 
@@ -225,7 +227,7 @@ def injected_innovations(
         push, measured, t, injection = inputs
         now = drive.with_effects(injection)
         bristles = now.bristles()
-        innovation = measured - now.seen(state.x, state.v, t)
+        innovation = measured - now.seen(state.x, t, state.hidden)
         state = corrected(now, bristles.slack, state, innovation, gains)
         return advance(now, bristles, state, push, dt, 1, exact_derivative=False), innovation
 

@@ -42,6 +42,11 @@ def _flat(state: State) -> Float[Array, " m"]:
     return jnp.concatenate([state.x[None], state.v[None], state.z, state.hidden])
 
 
+def _seen(drive: Drive, flat: Float[Array, " m"], t) -> Float[Array, ""]:
+    """What the sensor of the `drive` shows in a flat state."""
+    return drive.seen(flat[0], t, flat[2 + drive.bristle_count :])
+
+
 def _following(drive: Drive, dt: Float[Array, ""], substeps: int):
     """One sample of the `drive` on flat states: (state, force) -> state."""
     bristles, count = drive.bristles(), drive.bristle_count
@@ -88,11 +93,17 @@ def kalman_filter(
     def sample(carry, inputs):
         state, covariance = carry
         motor, measured, t = inputs
-        variance = covariance[0, 0] + noise**2
-        gain = covariance[:, 0] / variance
-        innovation = measured - drive.seen(state[0], state[1], t)
+        if drive.sensor_remembers:
+            row = jax.grad(lambda flat: _seen(drive, flat, t))(state)
+            told = covariance @ row
+            variance = row @ told + noise**2
+        else:
+            told = covariance[:, 0]
+            variance = told[0] + noise**2
+        gain = told / variance
+        innovation = measured - _seen(drive, state, t)
         state = state + gain * innovation
-        covariance = covariance - gain[:, None] * covariance[0][None]
+        covariance = covariance - gain[:, None] * told[None]
         # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how
         # much the mean of |v| is above |mean of v| counts as a noise of the bristle.
         spring = drive.spring_force(state[2])
@@ -125,7 +136,7 @@ def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
 
     def sample(state, inputs):
         motor, own, weight, t = inputs
-        innovation, output = tell(drive.seen(state[0], state[1], t), own)
+        innovation, output = tell(_seen(drive, state, t), own)
         return following(state + weight * innovation, motor), output
 
     t = jnp.arange(force.shape[0], dtype=force.dtype) * dt

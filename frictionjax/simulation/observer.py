@@ -127,7 +127,7 @@ def observe(
 
     def sample(state, inputs):
         push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, state.v, t)
+        innovation = measured - drive.seen(state.x, t, state.hidden)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z, state.hidden)
@@ -154,7 +154,7 @@ def innovations(
 
     def sample(state, inputs):
         push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, state.v, t)
+        innovation = measured - drive.seen(state.x, t, state.hidden)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 

@@ -45,12 +45,12 @@ def run_ahead(
     def free_run(state, begin):
         def sample(state, inputs):
             push, t = inputs
-            return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, state.v, t)
+            return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, t, state.hidden)
 
         push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
         t = jnp.asarray(begin + jnp.arange(horizon + stride), dtype=dt.dtype) * dt
         state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
-        return jnp.concatenate([passed[horizon:], drive.seen(state.x, state.v, t[-1])[None]])
+        return jnp.concatenate([passed[horizon:], drive.seen(state.x, t[-1], state.hidden)[None]])
 
     ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
     return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])

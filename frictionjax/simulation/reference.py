@@ -85,7 +85,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     friction = jax.vmap(lambda x, v, z, own, push: drive.friction_force(bristles, x, v, z, dt, own, push)[0])(
         x, v, z, hidden, force
     )
-    return Trajectory(t, x, v, z, friction)
+    return Trajectory(t, x, v, z, friction, jax.vmap(drive.seen)(x, t, hidden))
 
 
 def simulate_reference(

@@ -95,8 +95,11 @@ class AbstractSensorEffect(AbstractEffect):
     """Slot: the path from the position to the measurement."""
 
     @abstractmethod
-    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
-        """What the sensor shows for a `position` (position units), at velocity `v` and `t` s after the first sample."""
+    def seen(
+        self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
+    ) -> Float[Array, ""]:
+        """What the sensor shows for a `position` (position units) `t` s after the first sample; `hidden`: the effect's
+        own states, shape `(states,)`."""
 
 
 class AbstractForceEffect(AbstractEffect):

@@ -40,6 +40,8 @@ class EncoderError(AbstractSensorEffect):
         Parameter("period", "{position}", "period of the error", "log", scale="sensor_period", grid="period"),
     )
 
-    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+    def seen(
+        self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
+    ) -> Float[Array, ""]:
         angle = 2.0 * jnp.pi * position / self.period
         return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

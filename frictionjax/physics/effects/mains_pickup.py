@@ -38,6 +38,8 @@ class MainsPickup(AbstractSensorEffect):
         Parameter("frequency", "Hz", "mains frequency", "none", grid=(50.0, 60.0)),
     )
 
-    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
+    def seen(
+        self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
+    ) -> Float[Array, ""]:
         angle = 2.0 * jnp.pi * self.frequency * t
         return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)

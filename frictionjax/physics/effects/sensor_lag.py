@@ -3,15 +3,20 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractSensorEffect
+from frictionjax.physics.effects.base import About, AbstractSensorEffect, AbstractStateEffect, Now
+from frictionjax.physics.lugre import LuGre
+
+# s, added to the lag: a sensor without one follows within any sample, and the derivative stays finite.
+_INSTANT = 1e-20
 
 
-class SensorLag(AbstractSensorEffect):
-    """x - lag v is measured: a lag or a delay that is short against the motion.
+class SensorLag(AbstractSensorEffect, AbstractStateEffect):
+    """y of lag y' = x - y is measured: what it trails by, h = x - y, follows h' = v - h/lag.
 
     **Arguments:**
 
@@ -23,15 +28,21 @@ class SensorLag(AbstractSensorEffect):
     name: ClassVar[str] = "sensor_lag"
     about: ClassVar[About] = About(
         sentence="a position measurement that comes late",
-        equation="x - lag v is measured",
+        equation="y of lag y' = x - y is measured",
         shows="fast motion: the position seems late behind the input",
         confused_with=("delay", "drive_lag"),
         split_by="a force measured beside the position, or a closed loop: only the sensor's lag is fed back",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("lag", "s", "lag of the measurement", scale="dt", lower=0.0, probes=(0.1, 1.0)),
+        Parameter("lag", "s", "time constant of the measurement", scale="dt", lower=0.0, probes=(0.1, 1.0)),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
+    states: ClassVar[int] = 1
 
-    def seen(self, position: Float[Array, ""], v: Float[Array, ""], t: Float[Array, ""]) -> Float[Array, ""]:
-        return position - self.lag * v
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        return now.v[None], (1.0 / (self.lag + _INSTANT))[None] + jnp.zeros(1)
+
+    def seen(
+        self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
+    ) -> Float[Array, ""]:
+        return position - hidden[0]
