@@ -45,8 +45,7 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
     def one(u, x, dt, gains, start, x_first):
         force, before = drive.applied_force(u, dt), start[3]
         # The free run knows the first sample alone.
-        run = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2, before=before)
-        free = jax.vmap(drive.seen)(run.x, run.v, run.t)
+        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2, before=before).measured
         seen = observe(drive, force, x, dt, gains, start)
         ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride)
         missing = residual_force(drive, force, x, dt, bandwidth, start)
