@@ -13,7 +13,7 @@ from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
-from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
@@ -46,29 +46,24 @@ def fit_base(
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
-    # One template for all starts: the vector carries the start, and nothing is compiled twice.
-    joint, _ = make_joint(starts[0], batch, held_out, known_inertia=known_inertia)
-
-    def go_down(start: Drive) -> Fitted:
-        _, vector = make_joint(start, batch, held_out, known_inertia=known_inertia)
-        return descend(joint, vector, steps=15, tolerance=0.02)
-
     progress(f"base fit: {len(starts)} starting values", 0.0)
-    reached = list(executor.map(go_down, starts))
+    # Each within its own range: where starts lie orders of magnitude apart, that of one does not hold the others.
+    begun = [make_joint(start, batch, held_out, known_inertia=known_inertia) for start in starts]
+    reached = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), begun))
     order = sorted(range(len(starts)), key=lambda number: reached[number].misfit)
     progress("base fit: slow observer", 0.6)
-    # Who begins again later begins where the best end came from.
-    joint, _ = make_joint(starts[order[0]], batch, held_out, known_inertia=known_inertia)
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
-    best = [reached[number] for number in order[:2] if np.isfinite(reached[number].misfit)]
-    ends = list(executor.map(lambda end: descend(slow, end.vector, graduate=False), best))
+    best = [number for number in order[:2] if np.isfinite(reached[number].misfit)]
+    slow = [begun[number][0].at_bandwidth(SLOW_BANDWIDTH) for number in best]
+    ends = list(
+        executor.map(lambda joint, number: descend(joint, reached[number].vector, graduate=False), slow, best)
+    )
     if not ends:
         raise ValueError(
             "No starting value gives finite predictions; check `drive`, and the units of the recordings and of "
             "the motor constant."
         )
-    fitted = min(ends, key=lambda end: end.misfit)
-    return Model(slow, fitted, judge(slow, fitted))
+    joint, fitted = min(zip(slow, ends, strict=True), key=lambda pair: pair[1].misfit)
+    return Model(joint, fitted, judge(joint, fitted))
 
 
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:

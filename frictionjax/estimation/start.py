@@ -55,18 +55,27 @@ def starting_values(
         if sliding.credible:
             break
     *_, motions, sliding = min(trials, key=lambda trial: trial[:2])
-    stick = _best_stick(recordings, motions, motor_constant, sliding)
+    stick, shaken = _best_stick(recordings, motions, motor_constant)
     notes = []
     if not sliding.credible:
         notes.append(
             "Inertia, Coulomb and viscous friction explain little of the force in sliding "
             f"(left unexplained: {100 * min(sliding.unexplained, 1.0):.0f} %)."
         )
+    held = _without_sliding(motions, stick, motor_constant) if stick is not None else ()
     if stick is not None and not _slides(recordings, motions, stick):
         notes.append(
             "No recording slides: friction is bounded from below only, and its velocity dependence unseen."
         )
-        return Start(_without_sliding(motions, stick, motor_constant), tuple(notes), True)
+        return Start(held, tuple(notes), True)
+    # Vibration in stick may pass for sliding, with another inertia and next to no friction; and noise that drives the
+    # machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction. Where the two do not
+    # agree, both are offered.
+    agree = stick is not None and sliding.credible and 0.4 < stick.J.value / sliding.J < 2.5
+    agree = agree and shaken < sliding.Fc
+    doubted = () if agree else held
+    if stick is not None and sliding.credible and not agree:
+        stick = None
     J = sliding.J if sliding.credible or stick is None else stick.J.value
     effort = max(float(np.sqrt(np.mean(m.force**2))) for m in motions)
     acceleration = max(float(np.sqrt(np.mean(m.a**2))) for m in motions)
@@ -95,7 +104,7 @@ def starting_values(
             stiffness = Fs / max(part * stroke, within)
             damping = np.sqrt(stiffness * J)
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
-    return Start(tuple(drives), tuple(notes), stick is not None)
+    return Start((*drives, *doubted), tuple(notes), stick is not None)
 
 
 _CLEARER = 0.7
@@ -136,9 +145,9 @@ def _best_stick(
     recordings: tuple[Recording, ...],
     motions: tuple[SlidingMotion, ...],
     motor_constant: float,
-    sliding: SlidingFit,
-) -> SKResult | None:
-    """The FRF fit of the quietest open-loop recording that has one worth believing; None when there is none."""
+) -> tuple[SKResult | None, float]:
+    """The FRF fit of the quietest open-loop recording that has one worth believing, and the root mean square force that
+    it was shaken with; None and zero when there is none."""
     results = []
     for recording, motion in zip(recordings, motions, strict=True):
         if recording.loop != "open" or recording.x.size < 4096:
@@ -154,18 +163,13 @@ def _best_stick(
         positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
         if not positive or sk.stiffness.stderr > 0.2 * sk.stiffness.value:
             continue
-        # Noise that drives the machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction.
-        if sliding.credible and np.sqrt(np.mean(recording.u**2)) * motor_constant > sliding.Fc:
-            continue
         # In stick the machine stays within a few bristle deflections; in sliding "stiffness" is a fiction.
         deflection = np.max(np.abs(motion.force)) / sk.stiffness.value
         wander = _wander(recording.x, segment)
         if wander > 3.0 * deflection:
             continue
-        if sliding.credible and not 0.4 < sk.J.value / sliding.J < 2.5:
-            continue
-        results.append((wander, sk))
-    return min(results, key=lambda pair: pair[0])[1] if results else None
+        results.append((wander, sk, float(np.sqrt(np.mean(recording.u**2))) * motor_constant))
+    return min(results, key=lambda one: one[0])[1:] if results else (None, 0.0)
 
 
 def _from_rest(recording: Recording) -> float:

@@ -255,7 +255,7 @@ def sensitivities(
         x0, v0, *known = start
         z0 = known[0] if known else jnp.sign(v0) * machine.level(x0, v0) / machine.friction.sigma0
         found = simulate(machine, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=substeps)
-        return found.x, found.v
+        return found.measured, found.v
 
     def along(tangent):
         x, change, v = jax.jvp(run, (q,), (tangent,), has_aux=True)
