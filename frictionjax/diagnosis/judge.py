@@ -11,6 +11,7 @@ from frictionjax.physics import Drive
 
 ADEQUATE_MISFIT = 0.01
 """Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
+_SURE = 3.0  # standard errors
 
 
 class Scene(eqx.Module):
@@ -61,6 +62,14 @@ class Judgement(eqx.Module):
         count = np.asarray(self.batch.block_count)
         samples = (float(count[rows].sum()) for rows in (~self.held_out, self.held_out))
         fit, held = (0.25 * float(np.sqrt(2.0 * (1.0 + 2.626) / max(n, 1.0))) for n in samples)
+        return fit, held
+
+    def within(self, floor: np.ndarray, most: float) -> tuple[bool, bool]:
+        """Whether the misfits are below `most` and what chance adds in recordings of this length: fit, held-out."""
+        fit, held = (
+            misfit < most + _SURE * error
+            for misfit, error in zip(self.misfits(floor), self.misfit_errors(), strict=True)
+        )
         return fit, held
 
     def clusters(self, floor: np.ndarray) -> Float[np.ndarray, "r c"]:

@@ -18,7 +18,7 @@ from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.credible import credibility
 from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.imposed import idle_effects
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, Scene, explained
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Scene, explained
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
@@ -40,7 +40,11 @@ from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
-_SURE = 3.0  # standard errors
+_UNDETERMINED = (
+    "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "
+    "parameters predicts all of them to the noise. Nothing is missing, and the fitted recordings leave some parameter "
+    "open: fit a recording like those kept aside, too."
+)
 _HARDLY = (
     "The base model alone predicts the motion no better than no model would; only with {} it does. Its own parameters "
     "mean little."
@@ -125,6 +129,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
     verdict, left = verdict_of(steps)
+    if steps[0].together:
+        notes.append(_UNDETERMINED)
     residual = None
     if verdict == "unknown":
         progress("what carries the rest", 0.82)
@@ -214,28 +220,23 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, fl
 
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
-    """`adequate` when the base model is at the noise on fit and held-out recordings; `named` when what was accepted
+    """`adequate` when the base model is at the noise on fit and held-out recordings, with its parameters as they were
+    fitted or with those of all recordings together; `named` when what was accepted
     explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:
-        if _within(first, floor, ADEQUATE_MISFIT):
+        if steps[0].together or all(first.within(floor, ADEQUATE_MISFIT)):
             return "adequate", (False, 0.0)
         return "unknown", (True, 1.0)
     last = accepted[-1].accepted
     assert last is not None
     shares = explained(first, last.model.judgement, floor)
     share = float(np.clip(1.0 - min(shares), 0.0, 1.0))
-    remains = not _within(last.model.judgement, floor, 2.0 * ADEQUATE_MISFIT)
+    remains = not all(last.model.judgement.within(floor, 2.0 * ADEQUATE_MISFIT))
     if min(shares) > LEAST_SHARE:
         return "named", (bool(remains), share)
     return "unknown", (True, share)
-
-
-def _within(judgement: Judgement, floor: np.ndarray, most: float) -> bool:
-    """Whether the misfits are within `most` and what chance adds in recordings of this length."""
-    pairs = zip(judgement.misfits(floor), judgement.misfit_errors(), strict=True)
-    return all(misfit < most + _SURE * error for misfit, error in pairs)
 
 
 def _unexplained(

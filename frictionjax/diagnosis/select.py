@@ -3,6 +3,7 @@
 import dataclasses
 from concurrent.futures import Executor
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -153,6 +154,9 @@ def select(
         return settled(weigh(model, trials, refits, answer))
 
     first = one_round(model, 0)
+    own = first.before.judgement.within(first.floor, ADEQUATE_MISFIT)
+    if own == (True, False) and together(first.before, first.floor):
+        return [dataclasses.replace(first, accepted=None, rivals=(), together=True)]
     steps = [first]
     if first.accepted is None:
         begun = None if _at_the_noise(first.before, first) else tentative(first)
@@ -180,6 +184,17 @@ def select(
         if len(fewer) < len(steps):
             return fewer
     return steps
+
+
+def together(model: Model, floor: np.ndarray) -> bool:
+    """Whether the `model` is at the noise everywhere once it is fitted to all recordings, those kept aside included.
+
+    Fitted recordings that leave a parameter open make a true model predict others badly.
+    """
+    joint = eqx.tree_at(lambda joint: joint.fitted, model.joint, jnp.ones_like(model.joint.fitted))
+    fitted = descend(joint, model.fitted.vector, graduate=False)
+    judgement = eqx.tree_at(lambda j: j.held_out, judge(joint, fitted), model.judgement.held_out)
+    return all(judgement.within(floor, ADEQUATE_MISFIT))
 
 
 def _at_the_noise(model: Model, step: Step) -> bool:
