@@ -33,6 +33,7 @@ def _judged(fit, holdout=None):
     misfits = (fit, fit if holdout is None else holdout)
     return SimpleNamespace(
         misfits=lambda floor: misfits,
+        within=lambda floor, most: (misfits[0] < most, misfits[1] < most),
         misfit_errors=lambda: (0.0, 0.0),
         power=2.0 * np.exp(2.0 * np.array(misfits))[:, None] - 1.0,
         held_out=np.array([False, True]),
@@ -52,11 +53,14 @@ def _steps(before, *after):
                 before=SimpleNamespace(judgement=one),
                 floor=FLOOR,
                 accepted=accepted,
+                together=False,
                 refits=[accepted],
                 compared=[_compared(*shares)],
             )
         )
-    last = SimpleNamespace(before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None)
+    last = SimpleNamespace(
+        before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None, together=False
+    )
     return [*steps, last]
 
 
@@ -90,8 +94,11 @@ def test_what_brings_held_out_recordings_to_the_noise_is_significant():
     weak = 10.0 * SIGNIFICANCE
     assert acceptable(_compared(0.9, 0.95), _judged(0.05), FLOOR, weak)[0]
     assert acceptable(_compared(0.5, 0.95), _judged(0.002, 0.05), FLOOR, weak)[0]
-    # Not what leaves something, nor what only the fitted recordings show.
-    assert not acceptable(_compared(0.9, 0.7), _judged(0.05), FLOOR, weak)[0]
+    # Most of the way is enough, too.
+    assert acceptable(_compared(0.9, 0.65), _judged(0.05), FLOOR, weak)[0]
+    # Not what leaves much, nor what only the fitted recordings show.
+    for shares in ((0.9, 0.55), (0.55, 0.7)):
+        assert not acceptable(_compared(*shares), _judged(0.05), FLOOR, weak)[0]
     assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.005), FLOOR, weak)[0]
 
 
@@ -106,6 +113,13 @@ def test_nothing_accepted_is_unknown():
     verdict, left = verdict_of(_steps(_judged(0.4, 0.3)))
     assert verdict == "unknown"
     assert _unexplained(verdict, left, BINS, None) == Unexplained(True, 1.0, "sliding")
+
+
+def test_a_parameter_that_was_left_open_is_no_missing_physics():
+    """The fitted recordings are at the noise, the others are not, and one set of parameters predicts all."""
+    steps = _steps(_judged(0.002, 0.3))
+    steps[0].together = True
+    assert verdict_of(steps) == ("adequate", (False, 0.0))
 
 
 def test_held_out_recordings_alone_can_tell_that_something_is_missing():
@@ -157,12 +171,12 @@ def test_a_candidate_must_explain_fit_and_held_out_recordings():
 
 
 def test_a_candidate_must_be_significant():
-    accepted, reason = acceptable(_compared(0.9, 0.9), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
+    accepted, reason = acceptable(_compared(0.9, 0.55), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
     assert not accepted
     assert reason == "not significant (p = 0.01)"
     # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
     for leads, enough in (((4.5, 2.5), True), ((9.0, 1.5), False), ((3.5, 9.0), False)):
-        led = _compared(0.9, 0.9, leads=leads)
+        led = _compared(0.9, 0.55, leads=leads)
         assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
 
 

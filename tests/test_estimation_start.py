@@ -1,10 +1,14 @@
 """Starting values: read off the recordings, near enough to the truth, and honest about what was not seen."""
 
+import dataclasses
+
+import jax
 import numpy as np
 import pytest
 from helpers_estimation import (
     PLANT,
     RATE,
+    VOLT,
     base_fit,
     break_away,
     closed_loop,
@@ -18,6 +22,8 @@ from helpers_estimation import (
 
 from frictionjax.estimation import starting_values
 from frictionjax.estimation.sliding import fit_sliding, smooth_motion
+from frictionjax.excitation import prbs
+from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
 KM = float(PLANT.motor_constant)
@@ -125,6 +131,51 @@ def test_recordings_in_presliding_alone_are_fitted_to_the_noise():
     recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("loud", large_noise(), seed=3))
     start = starting_values(recordings, motor_constant=KM)
     assert base_fit(start.drives, recordings).fitted.misfit < 0.02
+
+
+def _presliding():
+    """Noise, louder noise that lets the machine creep away, and sines up to break-away: nothing slides for long."""
+    loud = np.asarray(prbs(jax.random.key(7), 16000, RATE, 400.0, 0.5 * VOLT))
+    t = np.arange(6600) / RATE
+    sine = 0.97 * VOLT * np.sin(2 * np.pi * 0.9 * t) * np.minimum(t, 1.0)
+    return (
+        open_loop("quiet", stick_noise(2.2), seed=1),
+        open_loop("loud", loud, seed=2),
+        open_loop("sine", sine, seed=3),
+    )
+
+
+def test_vibration_in_stick_does_not_pass_for_sliding():
+    """All that is fast in such recordings is vibration, in which inertia and a viscous force may pass for all there is:
+    the stiffness that noise shows is offered, too."""
+    starts = [_away(drive) for drive in starting_values(_presliding(), motor_constant=KM).drives]
+    near = [
+        away
+        for away in starts
+        if all(abs(away[name] - 1.0) < 0.1 for name in ("J", "sigma0", "sigma1")) and 0.7 < away["Fs"] < 1.5
+    ]
+    assert near
+
+
+@pytest.mark.slow
+def test_presliding_alone_gives_inertia_stiffness_and_damping():
+    recordings = _presliding()
+    model = base_fit(starting_values(recordings, motor_constant=KM).drives, recordings)
+    away = _away(model.judgement.drive)
+    assert model.fitted.misfit < 0.01
+    for name in ("J", "sigma0", "sigma1", "Fs"):
+        assert away[name] == pytest.approx(1.0, abs=0.03), name
+
+
+def test_each_start_goes_its_own_way():
+    """A start within four times of the truth gets there although the first one is too far away to."""
+    near = Drive(1.3 * PLANT.J, PLANT.friction, PLANT.motor_constant)
+    friction = dataclasses.replace(PLANT.friction, Fc=0.01 * PLANT.friction.Fc, Fs=0.015 * PLANT.friction.Fc)
+    far = Drive(PLANT.J, friction, PLANT.motor_constant)
+    recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("ramps", break_away(), seed=2))
+    model = base_fit((far, near), recordings)
+    assert model.fitted.misfit < 0.01
+    assert _away(model.judgement.drive)["Fs"] == pytest.approx(1.0, abs=0.03)
 
 
 def test_force_that_motion_does_not_explain_is_told():
