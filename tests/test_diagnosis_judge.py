@@ -58,6 +58,24 @@ def _powers(batch, fit, holdout):
     return np.ones(batch.block_count.shape) * (2.0 * np.exp(2.0 * np.array([[holdout], [fit]])) - 1.0)
 
 
+def test_what_raises_all_of_a_recording_by_little_is_its_noise(quiet):
+    """Coloured noise does; what acts in a tenth of the blocks, or triples the power of all, is no noise."""
+    shape = quiet.block_count.shape
+    limit, level = 0.01, 1.4 * np.ones(shape)
+    scored = np.flatnonzero(np.asarray(quiet.block_count)[0] > 0)
+    assert _judged(quiet, level).within(level, limit) == (True, True)
+    raised = 1.3 * level
+    raised[0] *= 1.2
+    assert min(_judged(quiet, raised).misfits(level)) > 0.06
+    assert _judged(quiet, raised).within(level, limit) == (True, True)
+    somewhere = raised.copy()
+    somewhere[0, scored[::10]] *= 10.0
+    assert _judged(quiet, somewhere).within(level, limit) == (True, False)
+    assert _judged(quiet, 3.0 * level).within(level, limit) == (False, False)
+    # A quieter recording is not counted against the others.
+    assert _judged(quiet, 0.5 * level).within(level, limit) == (True, True)
+
+
 @pytest.mark.parametrize("floor", [1.0, 1.4])
 @pytest.mark.parametrize(
     ("before", "after", "shares"),
