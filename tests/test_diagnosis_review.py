@@ -15,7 +15,14 @@ from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, judge
 from frictionjax.diagnosis.refit import Model, Refitted, compare
-from frictionjax.diagnosis.review import nearly_all, reviewed, superfluous, tentative, with_some
+from frictionjax.diagnosis.review import (
+    nearly_all,
+    only_what_ends_it,
+    reviewed,
+    superfluous,
+    tentative,
+    with_some,
+)
 from frictionjax.diagnosis.select import select, together
 from frictionjax.diagnosis.weigh import Step
 from frictionjax.estimation.batch import make_batch
@@ -134,6 +141,18 @@ def test_an_effect_that_is_not_there_goes(one):
     assert fewer[0].before is base
     layout = fewer[0].accepted.model.joint.layout
     assert [free.label for free in layout if free.path.startswith("effects.")] == ["time_constant"]
+
+
+def test_after_nearly_all_only_what_ends_it_is_named(two):
+    """A round beyond nearly all: what explains 90 % of the rest stays, what explains two thirds of it goes."""
+    base, scales = two
+    step = _step(base, _with(base, "load", scales), "load")
+    for share, stays in ((0.9, True), (0.65, False)):
+        own = dataclasses.replace(step.compared[0], share_fit=0.95, share_holdout=share)
+        found = only_what_ends_it(dataclasses.replace(step, compared=[own]))
+        assert (found.accepted is not None) == stays
+    nothing = dataclasses.replace(step, accepted=None)
+    assert only_what_ends_it(nothing) is nothing
 
 
 def test_what_leads_is_tried_with_another_although_it_explains_too_little(two):

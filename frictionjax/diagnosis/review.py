@@ -22,9 +22,9 @@ from frictionjax.estimation.joint import Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
 
 ENOUGH_SHARE = 0.8
-"""Share of the misfit, on fit and on held-out recordings, after which no further effect is sought: what is left is then
-more likely the form of the effect found than another one. Two effects neither of which may be named alone must reach
-it."""
+"""Share of the misfit, on fit and on held-out recordings, after which what is left is more likely the form of what was
+found than another effect: another one is then named only if it explains as much of the rest. Two effects neither of
+which may be named alone must reach it, too."""
 _PROMISING = (
     0.2  # of the sum of the explained shares: what leads by less is not worth a second effect beside it
 )
@@ -115,6 +115,17 @@ def tentative(step: Step) -> Step | None:
     if not gains or not clear(compared, olds, effect_p_values(step.trials)[best.effect]):
         return None
     return settled(dataclasses.replace(step, accepted=best))
+
+
+def only_what_ends_it(step: Step) -> Step:
+    """The same round, with nothing accepted unless it explains nearly all of what was left, on fit and on held-out
+    recordings."""
+    if step.accepted is None:
+        return step
+    compared = step.compared[step.refits.index(step.accepted)]
+    if min(compared.share_fit, compared.share_holdout) > ENOUGH_SHARE:
+        return step
+    return dataclasses.replace(step, accepted=None, rivals=())
 
 
 def nearly_all(steps: list[Step]) -> bool:

@@ -23,7 +23,7 @@ from frictionjax.diagnosis.refit import (
     short_list,
 )
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
-from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, reviewed, tentative
+from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, only_what_ends_it, reviewed, tentative
 from frictionjax.diagnosis.wavelengths import wavelengths
 from frictionjax.diagnosis.weigh import FAR_FROM_NOISE, Step, settled, weigh
 from frictionjax.estimation.batch import Batch
@@ -174,9 +174,11 @@ def select(
         last = steps[-1].accepted
         assert last is not None
         whole = explained(steps[0].before.judgement, last.model.judgement, steps[-1].floor)
-        if _at_the_noise(last.model, steps[-1]) or min(whole) > ENOUGH_SHARE:
+        if _at_the_noise(last.model, steps[-1]):
             break
         found = one_round(last.model, number)
+        if min(whole) > ENOUGH_SHARE:
+            found = only_what_ends_it(found)
         if found.accepted is None:
             return [*steps, found]
         steps.append(found)
@@ -198,7 +200,7 @@ def together(model: Model, floor: np.ndarray) -> bool:
 
 
 def _at_the_noise(model: Model, step: Step) -> bool:
-    return max(model.judgement.misfits(step.floor)) < ADEQUATE_MISFIT
+    return all(model.judgement.within(step.floor, ADEQUATE_MISFIT))
 
 
 def _better_base(model: Model, refits: list[Refitted]) -> Model:
