@@ -164,6 +164,10 @@ SLIDING = {
     "CubicDrag": ({"drag": 70.0}, _steady(more=lambda x, v: 70.0 * v**3)),
     "LoadDependence": ({"growth": 0.2}, _steady(more=lambda x, v: 0.2 * PUSH * np.sign(v))),
     "TorqueRipple": ({"sine": 0.1, "cosine": 0.2}, _steady(more=lambda x, v: -PUSH * _wave(x, 0.1, 0.2))),
+    "TorqueRippleWithOvertone": (
+        {"sine": 0.1, "cosine": 0.2, "sine2": 0.05, "cosine2": -0.03},
+        _steady(more=lambda x, v: -PUSH * (_wave(x, 0.1, 0.2) + _wave(x, 0.05, -0.03, 2e-4))),
+    ),
     "DwellStrengthening": (
         {"growth": 0.05, "onset": 0.01},
         _steady(more=_aged(0.05, lambda age: np.log(1.0 + age / 0.01))),

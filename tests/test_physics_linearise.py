@@ -65,6 +65,7 @@ STRONG = {
     "QuadraticDrag": 1e3,
     "CubicDrag": 1e5,
     "TorqueRipple": 0.2,
+    "TorqueRippleWithOvertone": 0.2,
     "LoadDependence": 0.2,
 }
 

@@ -113,6 +113,8 @@ def test_strengths_have_derivatives_at_rest():
     assert set(moving) == {
         ("ConstantLoad", "load"),
         ("EncoderError", "cosine"),
+        ("EncoderErrorWithOvertone", "cosine"),
+        ("EncoderErrorWithOvertone", "cosine2"),
         ("GravityPendulum", "cosine"),
         ("MainsPickup", "sine"),
         ("MainsPickup", "cosine"),

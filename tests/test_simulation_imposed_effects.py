@@ -165,7 +165,7 @@ def test_every_effect_runs_and_beside_the_law_adds_its_force(form):
 
 BESIDE = [
     *("Delay", "DriveLag", "DriveDeadzone", "SoftSaturation", "HardSaturation"),
-    *("LoadDependence", "TorqueRipple"),
+    *("LoadDependence", "TorqueRipple", "TorqueRippleWithOvertone"),
     *SENSORS,
     *LOADS,
 ]

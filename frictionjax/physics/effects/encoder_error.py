@@ -45,3 +45,38 @@ class EncoderError(AbstractSensorEffect):
     ) -> Float[Array, ""]:
         angle = 2.0 * jnp.pi * position / self.period
         return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+
+
+class EncoderErrorWithOvertone(AbstractSensorEffect):
+    """x -> x + sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2, is measured: offsets and
+    unequal amplitudes of the two signals that are interpolated make one wave each.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: amplitudes, position units; `sine2`, `cosine2`: those at half the period.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = EncoderError.name
+    about: ClassVar[About] = EncoderError.about
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        *EncoderError.strengths,
+        Parameter("sine2", "{position}", "sine amplitude at half the period", scale="step", probes=(1.0,)),
+        Parameter(
+            "cosine2", "{position}", "cosine amplitude at half the period", scale="step", probes=(1.0,)
+        ),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = EncoderError.nuisances
+
+    def seen(
+        self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
+    ) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * position / self.period
+        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        return position + first + self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)

@@ -30,7 +30,7 @@ class MaxwellSlip(AbstractBristleEffect):
     spread: Float[Array, "..."] = eqx.field(converter=real, default=1.5)
     skew: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
-    # Sixteen lie as close to a continuous distribution as the data can tell, and fill the vector units.
+    # A processor takes eight numbers at once.
     count: ClassVar[int] = 8
     name: ClassVar[str] = "maxwell_slip"
     about: ClassVar[About] = About(

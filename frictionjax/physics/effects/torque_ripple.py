@@ -47,3 +47,35 @@ class TorqueRipple(AbstractForceEffect):
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         angle = 2.0 * jnp.pi * now.x / self.period
         return -now.push * (self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle))
+
+
+class TorqueRippleWithOvertone(AbstractForceEffect):
+    """J x'' = km u (1 + sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period)) - F, k = 1, 2: a wave that
+    is no sine.
+
+    **Arguments:**
+
+    - `sine`, `cosine`: relative change of the motor constant; `sine2`, `cosine2`: that at half the period.
+    - `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    name: ClassVar[str] = TorqueRipple.name
+    about: ClassVar[About] = TorqueRipple.about
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        *TorqueRipple.strengths,
+        Parameter("sine2", "1", "sine part at half the period", lower=-0.9, upper=0.9, probes=(0.02,)),
+        Parameter("cosine2", "1", "cosine part at half the period", lower=-0.9, upper=0.9, probes=(0.02,)),
+    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = TorqueRipple.nuisances
+
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        angle = 2.0 * jnp.pi * now.x / self.period
+        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        second = self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)
+        return -now.push * (first + second)
