@@ -18,7 +18,7 @@ class Parameter(eqx.Module):
       `"Fc"`, `"sigma0"`, `"zs"` (the break-away deflection Fs/sigma0), `"stroke"`, `"dt"` stand for these.
     - `lower`, `upper`: admissible range; a fit stays inside and says when it ends at an end.
     - `probes`: finite steps, in units of `scale`, at which a strength is tried before anything is refitted.
-    - `other_start`: where a refit of a strength begins besides, when from its one-step estimate it gets nowhere.
+    - `other_start`: where a refit begins besides, in units of `scale`, when from its one-step estimate it gets nowhere.
     - `grid`: values, in units of `scale`, at which a nuisance parameter (period, time constant, spread) is tried;
       `"period"` in place of numbers asks for the periods found in the data.
     """

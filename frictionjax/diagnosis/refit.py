@@ -5,6 +5,7 @@ from concurrent.futures import Executor
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
@@ -161,23 +162,35 @@ def refit_all(
 
     def begin(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        alone = vector
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
         if graduate:
             return joint, lowest(joint, [vector, *other_starts(joint, vector)])
-        return joint, descend(joint, vector, graduate=False, steps=_FIRST, tolerance=0.03)
+        starts = [vector]
+        if isinstance(trial.form, AbstractLoadEffect):
+            starts += [uncoupled(joint, start) for start in other_starts(joint, alone)]
+        return joint, lowest(joint, starts, steps=_FIRST)
 
     def other_starts(joint: Joint, vector) -> list:
-        """`vector` with a strength of the effect where a refit of it begins besides."""
-        starts = []
+        """`vector` with the parameters of the effect where a refit of it begins besides."""
+        start, some = vector, False
         for place in range(len(model.joint.layout), len(joint.layout)):
-            free = joint.layout[place]
-            if free.parameter.other_start is not None:
-                starts.append(vector.at[place].set(free.parameter.other_start / float(free.scale)))
-        return starts
+            parameter = joint.layout[place].parameter
+            if parameter.other_start is not None:
+                value, some = parameter.other_start, True
+                if parameter.transform == "log":
+                    unit = (
+                        parameter.scale
+                        if isinstance(parameter.scale, float)
+                        else scales[str(parameter.scale)]
+                    )
+                    value = np.log(value * unit)
+                start = start.at[place].set(value)
+        return [start] if some else []
 
-    def lowest(joint: Joint, starts: list) -> Fitted:
-        ends = [descend(joint, start, steps=12, tolerance=0.03) for start in starts]
+    def lowest(joint: Joint, starts: list, steps: int = 12) -> Fitted:
+        ends = [descend(joint, start, steps=steps, tolerance=0.03) for start in starts]
         return min(ends, key=lambda fitted: fitted.misfit)
 
     def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
@@ -227,6 +240,21 @@ def refit_all(
         if gain > _NEAR * gains.max() and (form not in ends or gain > ends[form][0]):
             ends[form] = gain, trial, end
     return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
+
+
+def uncoupled(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+    """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
+    it shows where the load hangs in its gap most of the time: J is larger, stiffness and damping are what they were."""
+    places = {free.path: place for place, free in enumerate(joint.layout)}
+    load = joint.drive(vector).load_side
+    assert load is not None
+    if "J" not in places:
+        return vector
+    more = -jnp.log(1.0 - load.ratio)
+    shifts = {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}
+    for path, shift in shifts.items():
+        vector = vector.at[places[path]].add(shift)
+    return vector
 
 
 def _foremost(

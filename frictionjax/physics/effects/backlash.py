@@ -39,11 +39,25 @@ class Backlash(AbstractLoadEffect):
         needs=("both directions",),
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("ratio", "1", "load inertia over the whole", lower=0.0, upper=0.9, probes=(0.02, 0.3)),
+        Parameter(
+            "ratio",
+            "1",
+            "load inertia over the whole",
+            lower=0.0,
+            upper=0.9,
+            probes=(0.02, 0.3),
+            other_start=0.3,
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "gap", "{position}", "way from contact to contact", "log", scale="zs", grid=(1.0, 5.0, 25.0)
+            "gap",
+            "{position}",
+            "way from contact to contact",
+            "log",
+            scale="zs",
+            grid=(1.0, 5.0, 25.0),
+            other_start=5.0,
         ),
         Parameter(
             "frequency",
@@ -53,8 +67,18 @@ class Backlash(AbstractLoadEffect):
             lower=3.0,
             upper=400.0,
             grid=(30.0, 80.0, 200.0),
+            other_start=200.0,
         ),
-        Parameter("damping", "1", "damping ratio in contact", "log", lower=1e-3, upper=1.0, grid=(0.1,)),
+        Parameter(
+            "damping",
+            "1",
+            "damping ratio in contact",
+            "log",
+            lower=1e-3,
+            upper=1.0,
+            grid=(0.1,),
+            other_start=0.2,
+        ),
         Parameter(
             "drag",
             "1/s",
