@@ -1,5 +1,7 @@
 """The judgement: what a model explains, on the recordings it was fitted to and on those kept aside."""
 
+from types import SimpleNamespace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 from helpers_estimation import FINE, PLANT, RATE, small_case
 
 from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits, view
+from frictionjax.diagnosis.floor import colour
 from frictionjax.diagnosis.judge import (
     Judgement,
     Scene,
@@ -58,22 +61,32 @@ def _powers(batch, fit, holdout):
     return np.ones(batch.block_count.shape) * (2.0 * np.exp(2.0 * np.array([[holdout], [fit]])) - 1.0)
 
 
-def test_what_raises_all_of_a_recording_by_little_is_its_noise(quiet):
-    """Coloured noise does; what acts in a tenth of the blocks, or triples the power of all, is no noise."""
+def test_within_is_told_for_fitted_and_held_out_recordings(quiet):
+    for misfits, told in (
+        ((0.0, 0.0), (True, True)),
+        ((0.0, 0.1), (True, False)),
+        ((0.1, 0.0), (False, True)),
+    ):
+        judgement = _judged(quiet, _powers(quiet, *misfits))
+        assert judgement.within(NOISE, 0.01) == told
+    # Chance adds three standard errors.
+    error = _judged(quiet, _powers(quiet, 0.0, 0.0)).misfit_errors()[0]
+    for more, told in ((2.9, True), (3.1, False)):
+        assert _judged(quiet, _powers(quiet, 0.01 + more * error, 0.0)).within(NOISE, 0.01) == (told, True)
+
+
+def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(quiet):
+    """Not what acts in a tenth of the blocks, nor all of what triples their power; and a quieter one stays."""
     shape = quiet.block_count.shape
-    limit, level = 0.01, 1.4 * np.ones(shape)
-    scored = np.flatnonzero(np.asarray(quiet.block_count)[0] > 0)
-    assert _judged(quiet, level).within(level, limit) == (True, True)
+    level, joint = 1.4 * np.ones(shape), SimpleNamespace(batch=quiet)
     raised = 1.3 * level
     raised[0] *= 1.2
-    assert min(_judged(quiet, raised).misfits(level)) > 0.06
-    assert _judged(quiet, raised).within(level, limit) == (True, True)
-    somewhere = raised.copy()
-    somewhere[0, scored[::10]] *= 10.0
-    assert _judged(quiet, somewhere).within(level, limit) == (True, False)
-    assert _judged(quiet, 3.0 * level).within(level, limit) == (False, False)
-    # A quieter recording is not counted against the others.
-    assert _judged(quiet, 0.5 * level).within(level, limit) == (True, True)
+    np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])
+    scored = np.flatnonzero(np.asarray(quiet.block_count)[0] > 0)
+    raised[0, scored[::10]] *= 10.0
+    np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])
+    np.testing.assert_allclose(colour(3.0 * level, level, joint), 2.0 * np.ones((2, 1)))
+    np.testing.assert_allclose(colour(0.5 * level, level, joint), np.ones((2, 1)))
 
 
 @pytest.mark.parametrize("floor", [1.0, 1.4])

@@ -23,6 +23,9 @@ _SMOOTH = 5  # blocks over which the answer is averaged
 _QUANTILE = 0.4  # of the blocks' own estimates: an effect raises blocks, so the middle is too high
 _SEEN = 0.1  # of the largest answer: blocks that answer less say nothing of the force
 _HALVINGS = 30
+# Noise is told from motion by its fourth differences, which see the highest frequencies alone. Noise of which nine
+# tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
+_COLOUR = 2.0
 # Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
 # physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
 _LARGEST = 0.005
@@ -141,3 +144,15 @@ def floor_of(
     """Power of each block, shape `(r, b)`, that noise of the power `quiet` and an unmeasured force `size` (over Fc)
     leave."""
     return quiet + size**2 * answer.gain
+
+
+def colour(
+    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Joint
+) -> Float[np.ndarray, "r 1"]:
+    """Factor on the `floor` of each recording by which the colour of its noise may raise it, shape `(r, 1)`: where a
+    model leaves a block `power` that is higher in the middle one of all blocks, between 1 and 2."""
+    factor = np.ones((power.shape[0], 1))
+    for row, scored in enumerate(np.asarray(joint.batch.block_count) > 0):
+        if np.any(scored):
+            factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, _COLOUR)
+    return factor

@@ -12,9 +12,6 @@ from frictionjax.physics import Drive
 ADEQUATE_MISFIT = 0.01
 """Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
 _SURE = 3.0  # standard errors
-# Noise is told from motion by its fourth differences, which see the highest frequencies alone. Noise of which nine
-# tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
-_COLOUR = 2.0
 
 
 class Scene(eqx.Module):
@@ -68,19 +65,10 @@ class Judgement(eqx.Module):
         return fit, held
 
     def within(self, floor: np.ndarray, most: float) -> tuple[bool, bool]:
-        """Whether the misfits are below `most` and what chance adds in recordings of this length: fit, held-out.
-
-        What raises all of a recording alike, and by little, is the colour of its noise: the middle one of its blocks,
-        up to twice the `floor`, is taken for the noise.
-        """
-        own = np.ones((self.held_out.size, 1))
-        for row, scored in enumerate(np.asarray(self.batch.block_count) > 0):
-            if np.any(scored):
-                ratio = (self.power / floor)[row, scored]
-                own[row] = np.clip(np.median(ratio), 1.0, _COLOUR)
+        """Whether the misfits are below `most` and what chance adds in recordings of this length: fit, held-out."""
         fit, held = (
             misfit < most + _SURE * error
-            for misfit, error in zip(self.misfits(floor * own), self.misfit_errors(), strict=True)
+            for misfit, error in zip(self.misfits(floor), self.misfit_errors(), strict=True)
         )
         return fit, held
 

@@ -3,7 +3,7 @@
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.floor import Answer, floor_of, force_noise, quietness
+from frictionjax.diagnosis.floor import Answer, colour, floor_of, force_noise, quietness
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, left_over
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease
@@ -99,8 +99,11 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
     quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
     force = min(force_noise(power, answer, model.joint, quiet) for power in powers)
+    # What raises all of a recording alike, by little, whatever the model, is no physics.
+    floor = floor_of(force, answer, quiet)
+    floor = floor * np.min([colour(power, floor, model.joint) for power in powers], axis=0)
     # Errors that do not count in the fits do not count here either.
-    floor = np.maximum(floor_of(force, answer, quiet), model.joint.batch.eased[:, None])
+    floor = np.maximum(floor, model.joint.batch.eased[:, None])
     compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
     ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
     p_values = effect_p_values(trials)
