@@ -174,20 +174,15 @@ def refit_all(
 
     def other_starts(joint: Joint, vector) -> list:
         """`vector` with the parameters of the effect where a refit of it begins besides."""
-        start, some = vector, False
+        start = vector
         for place in range(len(model.joint.layout), len(joint.layout)):
-            parameter = joint.layout[place].parameter
-            if parameter.other_start is not None:
-                value, some = parameter.other_start, True
-                if parameter.transform == "log":
-                    unit = (
-                        parameter.scale
-                        if isinstance(parameter.scale, float)
-                        else scales[str(parameter.scale)]
-                    )
-                    value = np.log(value * unit)
-                start = start.at[place].set(value)
-        return [start] if some else []
+            own = joint.layout[place].parameter
+            if own.other_start is None:
+                continue
+            unit = own.scale if isinstance(own.scale, float) else scales[str(own.scale)]
+            value = np.log(own.other_start * unit) if own.transform == "log" else own.other_start
+            start = start.at[place].set(value)
+        return [] if start is vector else [start]
 
     def lowest(joint: Joint, starts: list, steps: int = 12) -> Fitted:
         ends = [descend(joint, start, steps=steps, tolerance=0.03) for start in starts]
