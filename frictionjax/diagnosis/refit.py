@@ -157,6 +157,7 @@ def refit_all(
     - `pair`: antiresonance and resonance in the data, where they show any.
     """
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    present = float(fast.misfits([model.fitted.vector])[0])
     # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
     graduate = isinstance(model.joint.batch, ImposedBatch)
 
@@ -168,8 +169,9 @@ def refit_all(
         if graduate:
             return joint, lowest(joint, [vector, *other_starts(joint, vector)])
         starts = [vector]
-        if isinstance(trial.form, AbstractLoadEffect):
-            starts += [uncoupled(joint, start) for start in other_starts(joint, alone)]
+        if present > _FAR:
+            hangs = isinstance(trial.form, AbstractLoadEffect)
+            starts += [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
         return joint, lowest(joint, starts, steps=_FIRST)
 
     def other_starts(joint: Joint, vector) -> list:
@@ -214,7 +216,6 @@ def refit_all(
 
     if not trials:
         return []
-    present = float(fast.misfits([model.fitted.vector])[0])
     begun = list(executor.map(begin, trials))
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
