@@ -63,11 +63,13 @@ def _told_jacobian(layout, vector, setting: Setting, most):
 
     A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow without
     end and say nothing of a finite step, and one such block would outvote all others. No parameter can do more to the
-    motion than to make the whole of it another.
+    motion than to make the whole of it another. A starting deflection can: all that it might be is far more than a
+    machine in stick moves.
     """
     e, columns = compact_jacobian(layout, vector, setting)
     block, samples = setting.batch.block, columns.shape[-1]
-    highest = jnp.max(jnp.abs(columns).reshape(*columns.shape[:-1], -1, block), axis=(0, -1))
+    told = jnp.abs(columns[: len(layout)])
+    highest = jnp.max(told.reshape(*told.shape[:-1], -1, block), axis=(0, -1))
     sound = jnp.repeat(highest <= most[:, None], block, axis=-1, total_repeat_length=samples)
     return e, jnp.where(sound[None], columns, 0.0)
 
