@@ -8,6 +8,8 @@ from helpers_estimation import (
     FINE,
     NOISE,
     PLANT,
+    RATE,
+    VOLT,
     base_fit,
     closed_loop,
     experiment,
@@ -216,6 +218,23 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(qu
         step = _step(more, np.asarray(longer.at[place].set(now)), far, 0.0)
         assert step[place] == longest
         assert step[0] == 1.5
+
+
+def test_an_elastic_core_that_starts_bent_is_found_in_a_recording_kept_aside():
+    """Nothing slips in it, so that a bend lasts: it moves the innovations more than all that no model would leave."""
+    drive = PLANT.with_effects(effect("ElastoPlastic", plasticity=1.0, core=0.6))
+    bend, quiet = float(PLANT.friction.Fs / PLANT.friction.sigma0), {"noise": 1e-7, "substeps": 4}
+    slow = 0.3 * VOLT * np.sin(2 * np.pi * 0.4 * np.arange(6000) / RATE)
+    recordings = (
+        open_loop("stick", stick_noise(), seed=1, drive=drive, **quiet),
+        open_loop("slow", slow, seed=2, drive=drive, role="holdout", z0=0.05 * bend, **quiet),
+    )
+    batch = make_batch(recordings, encoder_step=FINE)
+    scales = plant_scales(PLANT, batch)
+    joint, vector = make_joint(drive, batch, np.array([False, True]), scales=scales)
+    found = descend(joint.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
+    assert float(found.vector[-1]) == pytest.approx(0.05, rel=0.02)
+    assert float(np.median(np.asarray(found.look.power)[1])) == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_descent_from_an_overflow_ends_where_it_began(quiet):
