@@ -148,10 +148,7 @@ def detectable(scores: dict) -> str:
 
 def together(scores: dict) -> str:
     """Names that were given together."""
-    return _table(
-        ("one class", "cases"),
-        [(k, str(n)) for k, n in scores["stated_together"].items()],
-    )
+    return _table(("one class", "cases"), [(k, str(n)) for k, n in scores["stated_together"].items()])
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

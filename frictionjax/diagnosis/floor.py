@@ -23,8 +23,8 @@ _SMOOTH = 5  # blocks over which the answer is averaged
 _QUANTILE = 0.4  # of the blocks' own estimates: an effect raises blocks, so the middle is too high
 _SEEN = 0.1  # of the largest answer: blocks that answer less say nothing of the force
 _HALVINGS = 30
-# Noise is told from motion by its fourth differences, which see the highest frequencies alone. Noise of which nine
-# tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
+# Noise is told from motion by its fourth differences, which see the highest frequencies alone. At 2 kHz, noise of which
+# nine tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
 _COLOUR = 2.0
 # Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
 # physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)

@@ -42,8 +42,8 @@ from frictionjax.recordings import Case, Plant
 
 _UNDETERMINED = (
     "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "
-    "parameters predicts all of them to the noise. Nothing is missing, and the fitted recordings leave some parameter "
-    "open: fit a recording like those kept aside, too."
+    "parameters predicts all of them to the noise. These recordings ask for no other physics; the fitted ones leave "
+    "some parameter open: fit a recording like those kept aside, too."
 )
 _HARDLY = (
     "The base model alone predicts the motion no better than no model would; only with {} it does. Its own parameters "
@@ -221,8 +221,8 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, fl
 
 def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
     """`adequate` when the base model is at the noise on fit and held-out recordings, with its parameters as they were
-    fitted or with those of all recordings together; `named` when what was accepted
-    explains enough of the whole; else `unknown`. Then whether something significant is left, and its share."""
+    fitted or with those of all recordings together; `named` when what was accepted explains enough of the whole; else
+    `unknown`. Then whether something significant is left, and its share."""
     accepted = [step for step in steps if step.accepted is not None]
     first, floor = steps[0].before.judgement, steps[-1].floor
     if not accepted:

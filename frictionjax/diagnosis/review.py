@@ -25,9 +25,8 @@ ENOUGH_SHARE = 0.8
 """Share of the misfit, on fit and on held-out recordings, after which what is left is more likely the form of what was
 found than another effect: another one is then named only if it explains as much of the rest. Two effects neither of
 which may be named alone must reach it, too."""
-_PROMISING = (
-    0.2  # of the sum of the explained shares: what leads by less is not worth a second effect beside it
-)
+# Of the sum of the explained shares: what leads by less is not worth a second effect beside it.
+_PROMISING = 0.2
 
 
 def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str, float]) -> Model:

@@ -75,13 +75,6 @@ class Drive(eqx.Module):
         return x
 
     @property
-    def sensor_remembers(self) -> bool:
-        """Whether what the sensor shows depends on states of its own."""
-        return any(
-            isinstance(e, AbstractSensorEffect) and isinstance(e, AbstractStateEffect) for e in self.effects
-        )
-
-    @property
     def state_count(self) -> int:
         """Number of states that effects add to position, velocity and bristles, without those of a second inertia."""
         return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))

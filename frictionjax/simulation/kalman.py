@@ -93,15 +93,11 @@ def kalman_filter(
     def sample(carry, inputs):
         state, covariance = carry
         motor, measured, t = inputs
-        if drive.sensor_remembers:
-            row = jax.grad(lambda flat: _seen(drive, flat, t))(state)
-            told = covariance @ row
-            variance = row @ told + noise**2
-        else:
-            told = covariance[:, 0]
-            variance = told[0] + noise**2
+        predicted, row = jax.value_and_grad(lambda flat: _seen(drive, flat, t))(state)
+        told = covariance @ row
+        variance = row @ told + noise**2
         gain = told / variance
-        innovation = measured - _seen(drive, state, t)
+        innovation = measured - predicted
         state = state + gain * innovation
         covariance = covariance - gain[:, None] * told[None]
         # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how

@@ -3,12 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSensorEffect
+from frictionjax.physics.waves import wave
 
 
 class EncoderError(AbstractSensorEffect):
@@ -43,8 +43,7 @@ class EncoderError(AbstractSensorEffect):
     def seen(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * position / self.period
-        return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        return position + wave(position / self.period, (self.sine, self.cosine))
 
 
 class EncoderErrorWithOvertone(AbstractSensorEffect):
@@ -77,6 +76,4 @@ class EncoderErrorWithOvertone(AbstractSensorEffect):
     def seen(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * position / self.period
-        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
-        return position + first + self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)
+        return position + wave(position / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))

@@ -3,12 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSensorEffect
+from frictionjax.physics.waves import wave
 
 
 class MainsPickup(AbstractSensorEffect):
@@ -41,5 +41,4 @@ class MainsPickup(AbstractSensorEffect):
     def seen(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * self.frequency * t
-        return position + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        return position + wave(self.frequency * t, (self.sine, self.cosine))

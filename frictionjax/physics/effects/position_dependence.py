@@ -10,6 +10,7 @@ from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
 from frictionjax.physics.lugre import LuGre
+from frictionjax.physics.waves import wave
 
 _ABOUT = About(
     sentence="friction whose level varies along the stroke",
@@ -77,5 +78,4 @@ class PeriodicPositionDependence(AbstractLevelEffect):
     )
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * now.x / self.period
-        return level * (1.0 + self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle))
+        return level * (1.0 + wave(now.x / self.period, (self.sine, self.cosine)))

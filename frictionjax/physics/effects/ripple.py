@@ -3,13 +3,13 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
+from frictionjax.physics.waves import wave
 
 
 class Ripple(AbstractForceEffect):
@@ -44,8 +44,7 @@ class Ripple(AbstractForceEffect):
     )
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * now.x / self.period
-        return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        return wave(now.x / self.period, (self.sine, self.cosine))
 
 
 class RippleWithOvertone(AbstractForceEffect):
@@ -74,6 +73,4 @@ class RippleWithOvertone(AbstractForceEffect):
     nuisances: ClassVar[tuple[Parameter, ...]] = Ripple.nuisances
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * now.x / self.period
-        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
-        return first + self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)
+        return wave(now.x / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))

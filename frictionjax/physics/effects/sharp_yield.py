@@ -12,9 +12,8 @@ from frictionjax.physics.effects.base import About, AbstractSlipEffect
 
 # Below this bend the power is that of a straight line through zero: a slope that no step could follow is cut.
 _LEAST_BEND = 1e-6
-_MOST_BEND = (
-    3.0  # where a level that falls with velocity leaves a bristle; from there on it yields in proportion
-)
+# Where a level that falls with velocity leaves a bristle; from there on it yields in proportion.
+_MOST_BEND = 3.0
 
 
 class SharpYield(AbstractSlipEffect):

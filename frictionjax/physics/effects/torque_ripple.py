@@ -3,13 +3,13 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
+from frictionjax.physics.waves import wave
 
 
 class TorqueRipple(AbstractForceEffect):
@@ -45,8 +45,7 @@ class TorqueRipple(AbstractForceEffect):
     )
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * now.x / self.period
-        return -now.push * (self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle))
+        return -now.push * wave(now.x / self.period, (self.sine, self.cosine))
 
 
 class TorqueRippleWithOvertone(AbstractForceEffect):
@@ -75,7 +74,4 @@ class TorqueRippleWithOvertone(AbstractForceEffect):
     nuisances: ClassVar[tuple[Parameter, ...]] = TorqueRipple.nuisances
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        angle = 2.0 * jnp.pi * now.x / self.period
-        first = self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
-        second = self.sine2 * jnp.sin(2.0 * angle) + self.cosine2 * jnp.cos(2.0 * angle)
-        return -now.push * (first + second)
+        return -now.push * wave(now.x / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))

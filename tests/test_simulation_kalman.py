@@ -1,0 +1,60 @@
+"""The Kalman filter: under the true model its innovations are white, of the variance that it tells."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_plants import STAGE
+
+from frictionjax.physics.effects.encoder_error import EncoderError
+from frictionjax.physics.effects.sensor_lag import SensorLag
+from frictionjax.simulation import simulate
+from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with
+
+RATE, N = 2000.0, 6000
+DT = jnp.asarray(1.0 / RATE)
+SENSORS = {
+    "plain": (),
+    "late": (SensorLag(3e-3),),
+    "uneven": (EncoderError(sine=2e-6, cosine=1e-6, period=5e-4),),
+}
+
+
+@pytest.fixture(scope="module", params=SENSORS)
+def filtered(request):
+    """The stage in motion under a force that is not measured, seen by a sensor with noise."""
+    drive = STAGE.with_effects(*SENSORS[request.param])
+    rng = np.random.default_rng(8)
+    Fc, v0 = float(STAGE.friction.Fc), 0.5
+    noise, push = 2e-7, 0.01 * Fc
+    u = (1.3 * Fc + push * rng.standard_normal(N)) / float(STAGE.motor_constant)
+    start = {"x0": 0.0, "v0": v0, "z0": Fc / float(STAGE.friction.sigma0)}
+    run = simulate(drive, u, RATE, substeps=1, **start)
+    measured = run.measured + noise * rng.standard_normal(N)
+    force = jnp.full(N, 1.3 * Fc)
+    at = tuple(jnp.asarray(value) for value in start.values())
+    told = kalman_filter(
+        drive,
+        force,
+        measured,
+        DT,
+        jnp.asarray(noise),
+        jnp.asarray(push),
+        at,
+        (jnp.asarray(1e-9), jnp.asarray(1e-9)),
+    )
+    return drive, force, measured, at, told
+
+
+def test_innovations_are_white_and_of_the_variance_that_is_told(filtered):
+    told = filtered[-1]
+    unit = np.asarray(told.innovation / jnp.sqrt(told.variance))
+    assert abs(np.mean(unit**2) - 1.0) < 3.0 * np.sqrt(2.0 / N)
+    for lag in (1, 2, 5, 20):
+        assert abs(np.mean(unit[lag:] * unit[:-lag])) < 3.0 / np.sqrt(N), lag
+
+
+def test_given_gains_lead_from_positions_to_innovations_and_back(filtered):
+    drive, force, measured, at, told = filtered
+    innovation = predicted_with(drive, force, measured, DT, told.gain, at)
+    np.testing.assert_allclose(innovation, told.innovation, atol=1e-12)
+    np.testing.assert_allclose(driven_by(drive, force, innovation, DT, told.gain, at), measured, atol=1e-12)
