@@ -5,11 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, break_away, open_loop, stick_noise
+from scipy.signal import lfilter
 
-from frictionjax.diagnosis.floor import answer_to_force, floor_of, force_noise, quietness
+from frictionjax.diagnosis.floor import answer_to_force, colour, floor_of, force_noise, quietness
 from frictionjax.diagnosis.judge import Judgement
-from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.batch import make_batch, noise_level
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.recordings import Recording
+from frictionjax.simulation import innovation_gain, observer_gains
 
 QUIET = 0.03
 """Noise of these recordings over that of the others: a force of that size shows in a few seconds."""
@@ -93,3 +96,29 @@ def test_noise_that_was_thought_twice_as_large_is_mended(shaken):
     np.testing.assert_array_equal(quiet[1:], clean[1:])
     assert np.all(clean <= 1.0)
     assert float(np.max(joint.batch.noise[1:])) < 2.0 * QUIET * NOISE
+
+
+def test_colour_raises_the_floor_of_its_own_recording_alone(shaken):
+    """By what the middle block asks for, between nothing and twice."""
+    joint, _, power = shaken
+    floor = np.ones_like(power)
+    scored = np.asarray(joint.batch.block_count) > 0
+    for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, 2.0)):
+        powers = np.where(scored, 1.0, 0.0)
+        powers[1] *= factor
+        np.testing.assert_allclose(colour(powers, floor, joint)[:, 0], [1.0, found, 1.0])
+
+
+def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
+    """At 2 kHz, nine tenths of the power below 200 Hz: `noise_level` sees the tenth that is white, an observer of
+    50 Hz, which forgets slow changes, twice that."""
+    rng, count, share = np.random.default_rng(0), 100_000, 0.9
+    pole = np.exp(-2.0 * np.pi * 200.0 / RATE)
+    slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(count))
+    x = NOISE * (np.sqrt(1.0 - share) * rng.standard_normal(count) + np.sqrt(share) * slow)
+    level = noise_level(Recording("coloured", RATE, np.zeros(count), x), FINE)
+    gains = observer_gains(50.0, 1.0 / RATE)
+    p = float(np.sqrt(1.0 - gains.position))
+    innovation = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], x) / float(innovation_gain(gains))
+    assert level < 0.75 * np.std(x)
+    assert np.var(innovation) / level**2 == pytest.approx(2.0, rel=0.05)

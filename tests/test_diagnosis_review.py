@@ -151,6 +151,7 @@ def test_after_nearly_all_only_what_ends_it_is_named(two):
         own = dataclasses.replace(step.compared[0], share_fit=0.95, share_holdout=share)
         found = only_what_ends_it(dataclasses.replace(step, compared=[own]))
         assert (found.accepted is not None) == stays
+        assert bool(found.dropped) != stays
     nothing = dataclasses.replace(step, accepted=None)
     assert only_what_ends_it(nothing) is nothing
 

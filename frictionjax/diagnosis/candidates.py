@@ -6,7 +6,7 @@ from frictionjax.physics.effects import catalogue
 
 
 def candidates(steps: list[Step], units: dict[str, str], untestable: dict[str, str]) -> tuple[Candidate, ...]:
-    """One row per effect: from the first round, and from the round in which it was accepted.
+    """One row per effect: from the first round, or from the one in which it was accepted, or refitted and dropped.
 
     **Arguments:**
 
@@ -21,7 +21,8 @@ def candidates(steps: list[Step], units: dict[str, str], untestable: dict[str, s
 def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> Candidate:
     rounds = [step for step in steps if any(t.effect == name for t in step.trials)]
     named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
-    step = named or (rounds[0] if rounds else None)
+    dropped = next((s for s in rounds if s.dropped and any(r.effect == name for r in s.refits)), None)
+    step = named or dropped or (rounds[0] if rounds else None)
     if step is None:
         reason = why_not or "the recordings hold no motion that would show it"
         return Candidate(name, float("nan"), {}, False, reason)
@@ -38,7 +39,7 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> C
         reason = why_not
     elif best is not None:
         refused = acceptable(best, step.before.judgement, step.floor, p_value)[1]
-        reason = refused or "another effect explains the same better"
+        reason = refused or step.dropped or "another effect explains the same better"
     else:
         reason = "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
     return Candidate(

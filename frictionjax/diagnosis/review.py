@@ -14,6 +14,7 @@ from frictionjax.diagnosis.weigh import (
     Step,
     acceptable,
     clear,
+    dropping,
     effect_p_values,
     settled,
     weigh,
@@ -124,7 +125,7 @@ def only_what_ends_it(step: Step) -> Step:
     compared = step.compared[step.refits.index(step.accepted)]
     if min(compared.share_fit, compared.share_holdout) > ENOUGH_SHARE:
         return step
-    return dataclasses.replace(step, accepted=None, rivals=())
+    return dropping(step, "what was named before explains nearly all; this explains too little of the rest")
 
 
 def nearly_all(steps: list[Step]) -> bool:

@@ -25,7 +25,7 @@ from frictionjax.diagnosis.refit import (
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, only_what_ends_it, reviewed, tentative
 from frictionjax.diagnosis.wavelengths import wavelengths
-from frictionjax.diagnosis.weigh import FAR_FROM_NOISE, Step, settled, weigh
+from frictionjax.diagnosis.weigh import FAR_FROM_NOISE, Step, dropping, settled, weigh
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH
@@ -156,7 +156,8 @@ def select(
     first = one_round(model, 0)
     own = first.before.judgement.within(first.floor, ADEQUATE_MISFIT)
     if own == (True, False) and together(first.before, first.floor):
-        return [dataclasses.replace(first, accepted=None, rivals=(), together=True)]
+        why = "the base model with the parameters of all recordings together is at the noise without it"
+        return [dropping(first, why, together=True)]
     steps = [first]
     if first.accepted is None:
         begun = None if _at_the_noise(first.before, first) else tentative(first)

@@ -1,5 +1,7 @@
 """Weigh: what the refitted candidates may be named for, seen above the floor that the best of them leaves."""
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
 
@@ -33,7 +35,8 @@ class Step(eqx.Module):
     a better one), `trials` (every test), `refits` (the short list, best first), `compared` (each of them against
     `before`), `floor` (power of each block), `force` (unmeasured force over Coulomb friction), `accepted` (or None),
     `rivals` (names that the recordings cannot tell from the accepted one), `together` (whether the model without them
-    is at the noise everywhere once it is fitted to all recordings).
+    is at the noise everywhere once it is fitted to all recordings), `dropped` (why an effect that might have been
+    accepted was not, after all; "" where none was).
     """
 
     before: Model
@@ -45,6 +48,7 @@ class Step(eqx.Module):
     accepted: Refitted | None
     rivals: tuple[str, ...] = eqx.field(static=True)
     together: bool = eqx.field(static=True, default=False)
+    dropped: str = eqx.field(static=True, default="")
 
 
 def effect_p_values(trials: list[Trial]) -> dict[str, float]:
@@ -136,6 +140,11 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def dropping(step: Step, why: str, *, together: bool = False) -> Step:
+    """The same step with nothing accepted, and `why`."""
+    return dataclasses.replace(step, accepted=None, rivals=(), together=together, dropped=why)
 
 
 def settled(step: Step) -> Step:
