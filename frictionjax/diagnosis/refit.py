@@ -17,6 +17,7 @@ from frictionjax.physics.effects import AbstractLoadEffect
 
 _LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
+_ALREADY = 0.3  # part of the present misfit: what leaves less after its first steps needs no other start
 _NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
 _KIN = 2  # effects that are easily taken for the leader and are refitted with it, in all their forms
 _EASE = (
@@ -168,11 +169,15 @@ def refit_all(
         vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
         if graduate:
             return joint, lowest(joint, [vector, *other_starts(joint, vector)])
-        starts = [vector]
-        if present > _FAR:
-            hangs = isinstance(trial.form, AbstractLoadEffect)
-            starts += [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
-        return joint, lowest(joint, starts, steps=_FIRST)
+        found = first_steps(joint, [vector])
+        if not found.misfit > max(_FAR, _ALREADY * present):
+            return joint, found
+        # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
+        own = slice(len(model.joint.layout), count)
+        hangs = isinstance(trial.form, AbstractLoadEffect)
+        starts = [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
+        other = first_steps(joint, [alone.at[own].set(trial.vector[own]), *starts])
+        return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
     def other_starts(joint: Joint, vector) -> list:
         """`vector` with the parameters of the effect where a refit of it begins besides."""
@@ -186,8 +191,13 @@ def refit_all(
             start = start.at[place].set(value)
         return [] if start is vector else [start]
 
-    def lowest(joint: Joint, starts: list, steps: int = 12) -> Fitted:
-        ends = [descend(joint, start, steps=steps, tolerance=0.03) for start in starts]
+    def lowest(joint: Joint, starts: list) -> Fitted:
+        ends = [descend(joint, start, steps=12, tolerance=0.03) for start in starts]
+        return min(ends, key=lambda fitted: fitted.misfit)
+
+    def first_steps(joint: Joint, starts: list) -> Fitted:
+        # From a step that gains wide knees lead no further than the noise's own, and cost twice the time.
+        ends = [descend(joint, start, graduate=False, steps=_FIRST, tolerance=0.03) for start in starts]
         return min(ends, key=lambda fitted: fitted.misfit)
 
     def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:

@@ -105,16 +105,16 @@ def reviewed(steps: list[Step], scales: dict[str, float], answer: Answer) -> lis
 
 
 def tentative(step: Step) -> Step | None:
-    """The first round with its best candidate taken for accepted although it explains too little alone: of two effects
-    of one size neither may explain half. None where no candidate is clear, or promises anything."""
-    if not step.refits or step.accepted is not None:
+    """The first round with its best candidate that is clear taken for accepted although it explains too little alone:
+    of two effects of one size neither may explain half. None where no candidate is clear, or promises anything."""
+    if step.accepted is not None:
         return None
-    best, compared = step.refits[0], step.compared[0]
-    olds = step.before.judgement.misfits(step.floor)
-    gains = min(compared.share_fit, compared.share_holdout) > 0.0 and compared.worth > _PROMISING
-    if not gains or not clear(compared, olds, effect_p_values(step.trials)[best.effect]):
-        return None
-    return settled(dataclasses.replace(step, accepted=best))
+    olds, p_values = step.before.judgement.misfits(step.floor), effect_p_values(step.trials)
+    for refit, compared in zip(step.refits, step.compared, strict=True):
+        gains = min(compared.share_fit, compared.share_holdout) > 0.0 and compared.worth > _PROMISING
+        if gains and clear(compared, olds, p_values[refit.effect]):
+            return settled(dataclasses.replace(step, accepted=refit))
+    return None
 
 
 def only_what_ends_it(step: Step) -> Step:

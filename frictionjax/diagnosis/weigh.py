@@ -18,8 +18,9 @@ FAR_FROM_NOISE = 0.8
 """Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
 SIGNIFICANCE = 1e-3
 # Short recordings have few clusters, and the score test little power in them. Standard errors by which a refit must
-# lead on the fitted recordings and on those that it never saw, to count as significant all the same.
-_LEADS = 4.0, 2.0
+# lead on the recordings that it never saw, and on these and the fitted ones in sum, to count as significant all the
+# same.
+_LEADS = 2.0, 6.0
 # Share of the misfit, on fit and on held-out recordings, that is significant by itself where the held-out ones, which
 # no fit has seen, are not at the noise without the candidate.
 _MOST_OF_IT = 0.6
@@ -86,7 +87,7 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
 def clear(found: Compared, olds: tuple[float, float], p_value: float) -> bool:
     """Whether chance does not do what the candidate does; `olds` are the misfits without it, the rest as in
     `acceptable`."""
-    leads = found.lead_fit > _LEADS[0] and found.lead_holdout > _LEADS[1]
+    leads = found.lead_holdout > _LEADS[0] and found.lead_fit + found.lead_holdout > _LEADS[1]
     return p_value <= SIGNIFICANCE or leads or _mends(found, olds)
 
 

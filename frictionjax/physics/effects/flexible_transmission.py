@@ -34,7 +34,15 @@ class FlexibleTransmission(AbstractLoadEffect):
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("ratio", "1", "load inertia over the whole", lower=0.0, upper=0.9, probes=(0.02, 0.3)),
+        Parameter(
+            "ratio",
+            "1",
+            "load inertia over the whole",
+            lower=0.0,
+            upper=0.9,
+            probes=(0.02, 0.3),
+            other_start=0.2,
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
@@ -45,6 +53,7 @@ class FlexibleTransmission(AbstractLoadEffect):
             lower=3.0,
             upper=400.0,
             grid=(12.0, 25.0, 45.0, 80.0, 140.0),
+            other_start=60.0,
         ),
         Parameter(
             "damping",
