@@ -169,6 +169,20 @@ def test_what_leads_is_tried_with_another_although_it_explains_too_little(two):
     for other in ({"compared": [nothing]}, {"refits": [], "compared": []}):
         assert tentative(dataclasses.replace(refused, **other)) is None
     assert tentative(step) is None  # one is accepted
+    # What leads may be chance; then the next that is clear begins.
+    clear = dataclasses.replace(refused.compared[0], share_fit=0.6, share_holdout=0.3)
+    rest = {"lead_fit": 2.0, "lead_holdout": 1.0}
+    chance = dataclasses.replace(refused.compared[0], share_fit=0.5, share_holdout=0.9, **rest)
+    other = Refitted(SimpleNamespace(effect=LAG.name, form=SILENT["lag"], p_value=0.2), first)
+    doubtful = dataclasses.replace(
+        refused,
+        trials=[*refused.trials, other.trial],
+        refits=[other, *refused.refits],
+        compared=[chance, clear],
+    )
+    begun = tentative(doubtful)
+    assert begun is not None
+    assert begun.accepted is refused.refits[0]
 
 
 def test_two_effects_of_one_size_are_found(two, monkeypatch):

@@ -175,7 +175,7 @@ def test_a_candidate_must_be_significant():
     assert not accepted
     assert reason == "not significant (p = 0.01)"
     # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
-    for leads, enough in (((4.5, 2.5), True), ((9.0, 1.5), False), ((3.5, 9.0), False)):
+    for leads, enough in (((4.5, 2.5), True), ((3.4, 2.9), True), ((9.0, 1.5), False), ((3.0, 2.5), False)):
         led = _compared(0.9, 0.55, leads=leads)
         assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
 
@@ -287,6 +287,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
         compared=[_compared(0.9, 0.8), _compared(0.2, 0.0)],
         before=SimpleNamespace(judgement=_judged(0.4)),
         floor=FLOOR,
+        dropped="",
     )
     units = {"force": "N*m", "position": "rad", "input": "V"}
     rows = candidates([step], units, {"gravity_pendulum": "the position is no angle"})
@@ -303,6 +304,13 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
     assert not by_name["gravity_pendulum"].tested
     assert by_name["gravity_pendulum"].reason == "the position is no angle"
+    # What would have been accepted later, but was not, says why; what is named does not.
+    later = SimpleNamespace(
+        **vars(step) | {"accepted": None, "compared": [_compared(0.9, 0.8)] * 2, "dropped": "too late"}
+    )
+    by_name = {row.effect: row for row in candidates([step, later], units, {})}
+    assert by_name["constant_load"].reason == "too late"
+    assert by_name["delay"].reason == "named"
 
 
 def _case(*recordings):
