@@ -1,6 +1,7 @@
 """Starting values: read off the recordings, near enough to the truth, and honest about what was not seen."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -20,6 +21,7 @@ from helpers_estimation import (
     truth,
 )
 
+from frictionjax.estimation import start as start_module
 from frictionjax.estimation import starting_values
 from frictionjax.estimation.sliding import fit_sliding, smooth_motion
 from frictionjax.excitation import prbs
@@ -165,6 +167,18 @@ def test_presliding_alone_gives_inertia_stiffness_and_damping():
     assert model.fitted.misfit < 0.01
     for name in ("J", "sigma0", "sigma1", "Fs"):
         assert away[name] == pytest.approx(1.0, abs=0.03), name
+
+
+def test_a_stiffness_that_large_moves_make_up_does_not_pass_for_stick(sliding_only, monkeypatch):
+    """So soft that the whole stroke seems to be the bending of bristles; inertia and friction explain the force."""
+    value = {"J": 2.9 * TRUTH["J"], "stiffness": 1e-4 * TRUTH["sigma0"], "damping": 0.1 * TRUTH["sigma1"]}
+    stick = SimpleNamespace(**{name: SimpleNamespace(value=one) for name, one in value.items()})
+    monkeypatch.setattr(start_module, "_best_stick", lambda *_: (stick, 0.0))
+    found = starting_values(sliding_only, motor_constant=KM)
+    assert not found.presliding_seen
+    away = _away(found.drives[0])
+    assert away["J"] == pytest.approx(1.0, abs=0.1)
+    assert away["Fc"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_each_start_goes_its_own_way():

@@ -63,7 +63,8 @@ def starting_values(
             f"(left unexplained: {100 * min(sliding.unexplained, 1.0):.0f} %)."
         )
     held = _without_sliding(motions, stick, motor_constant) if stick is not None else ()
-    if stick is not None and not _slides(recordings, motions, stick):
+    still = stick is not None and not _slides(recordings, motions, stick)
+    if still and not (sliding.credible and sliding.unexplained < _EXPLAINED):
         notes.append(
             "No recording slides: friction is bounded from below only, and its velocity dependence unseen."
         )
@@ -71,7 +72,7 @@ def starting_values(
     # Vibration in stick may pass for sliding, with another inertia and next to no friction; and noise that drives the
     # machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction. Where the two do not
     # agree, both are offered.
-    agree = stick is not None and sliding.credible and 0.4 < stick.J.value / sliding.J < 2.5
+    agree = stick is not None and not still and sliding.credible and 0.4 < stick.J.value / sliding.J < 2.5
     agree = agree and shaken < sliding.Fc
     doubted = () if agree else held
     if stick is not None and sliding.credible and not agree:
@@ -111,6 +112,9 @@ _CLEARER = 0.7
 """Part of what is left unexplained that must be left with a spring, for a spring to be believed in."""
 _LEAST_FORCE = 1e-3
 """Share of the motor force below which inertia is no inertia: a least-squares fit kept it from going below zero."""
+_EXPLAINED = 0.1
+"""Part of the force that sliding may leave unexplained and still be believed where all recordings seem to stay in stick:
+large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
 
