@@ -83,6 +83,14 @@ def test_what_explains_most_is_named_and_the_rest_is_told():
     assert _unexplained(verdict, left, BINS, None).where == "sliding"
 
 
+@pytest.mark.parametrize(("left", "verdict"), [(0.12, "named"), (0.15, "unknown")])
+def test_what_explains_half_is_no_name(left, verdict):
+    """On the held-out recordings: 60 % of their misfit, or 50 %."""
+    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left)))
+    assert found == verdict
+    assert rest == (True, pytest.approx(left / 0.3))
+
+
 def test_two_effects_explain_together():
     verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
     assert verdict == "named"

@@ -113,8 +113,8 @@ _CLEARER = 0.7
 _LEAST_FORCE = 1e-3
 """Share of the motor force below which inertia is no inertia: a least-squares fit kept it from going below zero."""
 _EXPLAINED = 0.1
-"""Part of the force that sliding may leave unexplained and still be believed where all recordings seem to stay in stick:
-large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
+"""Part of the force that sliding may leave unexplained and still be believed where all recordings seem to stay in
+stick: large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
 
