@@ -7,7 +7,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, break_away, open_loop, stick_noise
 from scipy.signal import lfilter
 
-from frictionjax.diagnosis.floor import answer_to_force, colour, floor_of, force_noise, quietness
+from frictionjax.diagnosis.floor import _COLOUR, answer_to_force, colour, floor_of, force_noise, quietness
 from frictionjax.diagnosis.judge import Judgement
 from frictionjax.estimation.batch import make_batch, noise_level
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
@@ -103,7 +103,7 @@ def test_colour_raises_the_floor_of_its_own_recording_alone(shaken):
     joint, _, power = shaken
     floor = np.ones_like(power)
     scored = np.asarray(joint.batch.block_count) > 0
-    for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, 2.0)):
+    for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, _COLOUR)):
         powers = np.where(scored, 1.0, 0.0)
         powers[1] *= factor
         np.testing.assert_allclose(colour(powers, floor, joint)[:, 0], [1.0, found, 1.0])
@@ -121,4 +121,4 @@ def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
     p = float(np.sqrt(1.0 - gains.position))
     innovation = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], x) / float(innovation_gain(gains))
     assert level < 0.75 * np.std(x)
-    assert np.var(innovation) / level**2 == pytest.approx(2.0, rel=0.05)
+    assert np.var(innovation) / level**2 == pytest.approx(_COLOUR, rel=0.05)

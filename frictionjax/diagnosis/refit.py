@@ -196,7 +196,7 @@ def refit_all(
         return min(ends, key=lambda fitted: fitted.misfit)
 
     def first_steps(joint: Joint, starts: list) -> Fitted:
-        # From a step that gains wide knees lead no further than the noise's own, and cost twice the time.
+        # From a step that gains wide knees lead no further than the noise's own.
         ends = [descend(joint, start, graduate=False, steps=_FIRST, tolerance=0.03) for start in starts]
         return min(ends, key=lambda fitted: fitted.misfit)
 

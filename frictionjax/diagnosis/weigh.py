@@ -11,7 +11,7 @@ from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease
 
 LEAST_SHARE = 0.45
-"""Share of the misfit that an effect must explain, on fit and on held-out recordings, to be named."""
+"""Share of the misfit that an effect must explain, on fit and on held-out recordings, to be accepted."""
 LEAST_ENERGY = 0.3
 """Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings."""
 FAR_FROM_NOISE = 0.8

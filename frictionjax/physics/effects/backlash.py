@@ -38,17 +38,6 @@ class Backlash(AbstractLoadEffect):
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
         needs=("both directions",),
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "ratio",
-            "1",
-            "load inertia over the whole",
-            lower=0.0,
-            upper=0.9,
-            probes=(0.02, 0.3),
-            other_start=0.3,
-        ),
-    )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "gap",

@@ -6,6 +6,7 @@ state that goes on from sample to sample (`AbstractStateEffect`), and the fricti
 
 import dataclasses
 from abc import abstractmethod
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -206,7 +207,20 @@ class LoadSide(eqx.Module):
 
 
 class AbstractLoadEffect(AbstractEffect):
-    """Slot: an inertia of its own behind the motor's. A drive takes one at most."""
+    """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive takes one
+    at most."""
+
+    strengths: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "ratio",
+            "1",
+            "load inertia over the whole",
+            lower=0.0,
+            upper=0.9,
+            probes=(0.02, 0.3),
+            other_start=0.3,
+        ),
+    )
 
     @abstractmethod
     def load_side(self) -> LoadSide:

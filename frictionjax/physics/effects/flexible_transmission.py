@@ -33,17 +33,6 @@ class FlexibleTransmission(AbstractLoadEffect):
         confused_with=("backlash",),
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "ratio",
-            "1",
-            "load inertia over the whole",
-            lower=0.0,
-            upper=0.9,
-            probes=(0.02, 0.3),
-            other_start=0.2,
-        ),
-    )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "frequency",
