@@ -26,14 +26,12 @@ def read(paths: list[Path]) -> tuple[np.ndarray, np.ndarray, list[str]]:
     for path in paths:
         for text in path.read_text().splitlines():
             line = json.loads(text)
-            runs = [("", line["steps"], line["evidence"], line["without"])]
-            if line.get("left"):
-                runs.append(("left out: ", line["left"]["steps"], line["left"]["evidence"], line["missing"]))
-            for label, steps, evidence, without in runs:
+            for label, run in (("", line), ("left out: ", line["left"])):
+                steps = run["steps"] if run else []
                 names = [step["effect"] for step in steps if step["effect"]]
-                for name, numbers in zip(names, evidence, strict=True):
+                for name, numbers in zip(names, run["evidence"] if run else [], strict=True):
                     features.append(Evidence(*numbers).features)
-                    right.append(name in line["missing"] and name not in without)
+                    right.append(name in line["missing"] and not label)
                     what.append(f"{label}{','.join(line['missing'])} as {name}")
     return np.array(features).reshape(-1, 4), np.array(right, bool), what
 

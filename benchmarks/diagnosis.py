@@ -1,9 +1,11 @@
 """`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines that share no equation with it.
 
-    python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--tables]
+    python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N] [--tables]
 
-Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`. A run that stops goes on where it
-was, from the lines in `--out`; `--tables` prints what is there and diagnoses nothing. Hours at full size.
+Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines that hide one effect are
+diagnosed a second time without it in the catalogue. A run that stops goes on where it was, from the lines in `--out`;
+`--tables` prints what is there and diagnoses nothing. Hours at full size: `--part 1/2` and `--part 2/2` are two
+processes that share it.
 """
 
 import argparse
@@ -21,6 +23,8 @@ from benchmarks.concealed.reality import CATALOGUE
 
 STRENGTHS = ["strong", "medium"]
 """Clearly visible, and a third of it."""
+PLANS = ["one", "none", "pairs", "outside"]
+"""One effect, nothing, two effects, and what the catalogue lacks."""
 SIZES = {
     "constant_load": ("load", "force", lambda v: v),
     "return_spring": ("stiffness", "stiffness", lambda v: v),
@@ -117,10 +121,15 @@ def summary(read: dict[str, list[dict]], write) -> None:
         if read[plan]:
             counts = Counter(line["verdict"] for line in read[plan])
             write(f"- {words}, {len(read[plan])}: " + ", ".join(f"{v} {n}" for v, n in counts.items()) + ".")
-    if read["left"]:
-        named = sum(line["verdict"] == "named" for line in read["left"])
+    left = [line for line in read["one"] if line["left"]]
+    if left:
+        counts = Counter(line["left"]["verdict"] for line in left)
         write(
-            f"- own effect left out of the catalogue, {len(read['left'])}: named another one {named} times."
+            f"- own effect left out of the catalogue, {len(left)}: "
+            + ", ".join(f"{verdict} {number}" for verdict, number in counts.items())
+            + "; named: "
+            + (", ".join(_as_another(line) for line in left if line["left"]["verdict"] == "named") or "none")
+            + "."
         )
     if read["pairs"]:
         hits = sum(len(set(line["missing"]) & set(line["named"])) for line in read["pairs"])
@@ -128,31 +137,48 @@ def summary(read: dict[str, list[dict]], write) -> None:
         write(f"- pairs, {len(read['pairs'])}: F1 {2 * hits / total:.2f}.")
 
 
+def _lines(path: Path) -> list[dict]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def _as_another(line: dict) -> str:
+    names = [step["effect"] for step in line["left"]["steps"] if step["effect"]]
+    return f"{','.join(line['missing'])} ({line['strength']}) as {' and '.join(names)}"
+
+
 def main() -> None:
     """Diagnose and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=5, help="machines for each effect and strength")
+    parser.add_argument(
+        "--first", type=int, default=30, help="first seed; those before were used for development"
+    )
     parser.add_argument("--nulls", type=int, default=40)
     parser.add_argument("--effects", nargs="*", default=list(CATALOGUE))
-    parser.add_argument("--plans", nargs="*", default=["one", "none", "left", "pairs", "outside"])
+    parser.add_argument("--plans", nargs="*", default=PLANS, choices=PLANS)
     parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
+    parser.add_argument("--part", default="1/1", help="K/N: every N-th machine from the K-th on")
     parser.add_argument("--tables", action="store_true")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
-    seeds = list(range(arguments.seeds))
+    k, n = (int(number) for number in arguments.part.split("/"))
     if not arguments.tables:
         for plan in arguments.plans:
-            many = {"none": list(range(arguments.nulls)), "left": [0], "outside": [0], "pairs": [0, 1]}.get(
-                plan
+            many = {"one": arguments.seeds, "none": arguments.nulls, "outside": 1, "pairs": 2}[plan]
+            fill(
+                arguments.out / f"{plan}-{k}-of-{n}.jsonl",
+                plan,
+                STRENGTHS if plan == "one" else ["strong"],
+                list(range(arguments.first, arguments.first + many)),
+                arguments.effects if plan == "one" else [],
+                left_out=plan == "one",
+                part=(k - 1, n),
             )
-            strengths = STRENGTHS if plan == "one" else ["strong"]
-            only = arguments.effects if plan in ("one", "left") else []
-            fill(arguments.out / f"{plan}.jsonl", plan, strengths, many or seeds, only)
     read = {}
-    for plan in ("one", "none", "left", "pairs", "outside"):
-        path = arguments.out / f"{plan}.jsonl"
-        read[plan] = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    for plan in PLANS:
+        lines = [line for path in sorted(arguments.out.glob(f"{plan}-*.jsonl")) for line in _lines(path)]
+        read[plan] = sorted(lines, key=lambda line: (line["missing"], STRENGTHS.index(line["strength"])))
 
     def write(text: str) -> None:
         sys.stdout.write(text + "\n")

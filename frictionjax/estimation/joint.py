@@ -29,6 +29,7 @@ CLUSTER_BLOCKS = 10
 _EXPLODED = 30.0
 """Times what the observer errs without any model: the most by which one coordinate of the model, a factor e of a
 parameter, may change an innovation, if its derivative is to mean anything."""
+_SQUARED = 1e150  # the square of more is no number
 LANES = 6
 """Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
 
@@ -68,10 +69,11 @@ def _told_jacobian(layout, vector, setting: Setting, most):
     """
     e, columns = compact_jacobian(layout, vector, setting)
     block, samples = setting.batch.block, columns.shape[-1]
-    told = jnp.abs(columns[: len(layout)])
-    highest = jnp.max(told.reshape(*told.shape[:-1], -1, block), axis=(0, -1))
-    sound = jnp.repeat(highest <= most[:, None], block, axis=-1, total_repeat_length=samples)
-    return e, jnp.where(sound[None], columns, 0.0)
+    # Each by itself: a maximum may pass over what is not a number.
+    told = jnp.all(jnp.abs(columns[: len(layout)]) <= most[None, :, None], axis=0)
+    told = told & (jnp.abs(columns[-1]) < _SQUARED)
+    sound = jnp.all(told.reshape(told.shape[0], -1, block), axis=-1)
+    return e, jnp.where(jnp.repeat(sound, block, axis=-1, total_repeat_length=samples)[None], columns, 0.0)
 
 
 @eqx.filter_jit

@@ -72,14 +72,15 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
 
 
 def _left_behind(drive: Drive, state: State, x, v) -> Float[Array, " m"]:
-    """The hidden states when the motor is corrected to `x` and `v`: a load in contact goes with it, one that flies
-    through its gap goes on as it was."""
+    """The hidden states when the motor is corrected to `x` and `v`: what is known of the load stays what it was.
+
+    A load that went along with the motor would keep its twist whatever is measured; so the spring tells the observer of
+    the load, and the twist is corrected as fast as the motor is.
+    """
     if drive.load_side is None:
         return state.hidden
-    load = state.hidden[drive.state_count :]
-    flies = jnp.abs(load[0]) < drive.load_side.half_gap
-    gone = jnp.where(flies, load - jnp.stack([x - state.x, v - state.v]), load)
-    return jnp.concatenate([state.hidden[: drive.state_count], gone])
+    own, load = state.hidden[: drive.state_count], state.hidden[drive.state_count :]
+    return jnp.concatenate([own, load - jnp.stack([x - state.x, v - state.v])])
 
 
 def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:

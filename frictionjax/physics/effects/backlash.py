@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLoadEffect, LoadSide
+from frictionjax.physics.effects.base import LOAD_DRAG, About, AbstractLoadEffect, LoadSide
 
 
 class Backlash(AbstractLoadEffect):
@@ -68,15 +68,7 @@ class Backlash(AbstractLoadEffect):
             grid=(0.1,),
             other_start=0.2,
         ),
-        Parameter(
-            "drag",
-            "1/s",
-            "viscous friction of the load over its inertia",
-            "log",
-            lower=1e-3,
-            upper=100.0,
-            grid=(1.0,),
-        ),
+        LOAD_DRAG,
     )
 
     def load_side(self) -> LoadSide:

@@ -206,6 +206,18 @@ class LoadSide(eqx.Module):
     drag: Float[Array, ""]
 
 
+LOAD_DRAG = Parameter(
+    "drag",
+    "1/s",
+    "viscous friction of the load over its inertia",
+    "log",
+    lower=1e-3,
+    upper=100.0,
+    grid=(1.0,),
+)
+"""What the load rubs by itself, in all second inertias."""
+
+
 class AbstractLoadEffect(AbstractEffect):
     """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive takes one
     at most."""

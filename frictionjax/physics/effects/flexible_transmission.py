@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLoadEffect, LoadSide
+from frictionjax.physics.effects.base import LOAD_DRAG, About, AbstractLoadEffect, LoadSide
 
 
 class FlexibleTransmission(AbstractLoadEffect):
@@ -19,16 +19,18 @@ class FlexibleTransmission(AbstractLoadEffect):
     - `ratio`: J2/J.
     - `frequency`: of the load with the motor blocked (the antiresonance), Hz.
     - `damping`: damping ratio of the same.
+    - `drag`: viscous friction of the load itself over J2, 1/s.
     """
 
     ratio: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     frequency: Float[Array, "..."] = eqx.field(converter=real, default=45.0)
     damping: Float[Array, "..."] = eqx.field(converter=real, default=0.02)
+    drag: Float[Array, "..."] = eqx.field(converter=real, default=0.1)
 
     name: ClassVar[str] = "flexible_transmission"
     about: ClassVar[About] = About(
         sentence="a second inertia behind an elastic transmission",
-        equation="J2 x2'' = k (x1 - x2) + c (x1' - x2'), J1 x1'' = km u - F - J2 x2'', J1 + J2 = J",
+        equation="J2 (x2'' + drag x2') = T, T = k (x1 - x2) + c (x1' - x2'), J1 x1'' = km u - F - T, J1 + J2 = J",
         shows="a pair of antiresonance and resonance; ringing of one frequency after fast changes",
         confused_with=("backlash",),
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
@@ -53,6 +55,7 @@ class FlexibleTransmission(AbstractLoadEffect):
             upper=1.0,
             grid=(0.02,),
         ),
+        LOAD_DRAG,
     )
 
     def load_side(self) -> LoadSide:
@@ -62,5 +65,5 @@ class FlexibleTransmission(AbstractLoadEffect):
             stiffness=circular * circular,
             damping=2.0 * self.damping * circular,
             half_gap=jnp.zeros_like(self.ratio),
-            drag=jnp.zeros_like(self.ratio),
+            drag=self.drag,
         )
