@@ -10,6 +10,9 @@ _FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
 _TALLEST = 5.0  # times the median bin of the profile along the stroke: the most that one bin counts
 # Samples of travel at the usual speed: shorter waves alias with the observer's own dynamics.
 _SHORTEST_WAVE = 40
+# Along the stroke: a sensor of 10 um a wave goes through 100 000 of them in a metre.
+_BINS, _FINE_BINS = 2**12, 2**21
+_ABOVE_NOISE = 10.0  # times the noise of the position: no shorter wave is seen
 
 
 def wavelengths(
@@ -49,7 +52,7 @@ def wavelengths(
     x = np.asarray(batch.x)[sliding]
     value = (innovation * weight * (np.sign(speed) if odd else 1.0))[sliding]
     span = float(np.ptp(x))
-    bins = 2**17 if fine else 4096
+    bins = _FINE_BINS if fine else _BINS
     place = np.minimum(((x - x.min()) / span * bins).astype(int), bins - 1)
     total = np.bincount(place, value - value.mean(), minlength=bins)
     occupied = np.bincount(place, minlength=bins)
@@ -62,7 +65,7 @@ def wavelengths(
     cycles = np.arange(spectrum.size) / finer
     shortest = _SHORTEST_WAVE * usual * float(np.min(np.asarray(batch.dt)))
     if fine:
-        shortest = 4.0 * span / bins
+        shortest = max(4.0 * span / bins, _ABOVE_NOISE * float(np.min(np.asarray(batch.noise))))
     spectrum[(cycles < (20.0 if fine else _FEWEST)) | (cycles > span / shortest)] = 0.0
     peaks, _ = find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
