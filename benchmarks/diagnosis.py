@@ -141,6 +141,13 @@ def _lines(path: Path) -> list[dict]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
+def _part(text: str) -> tuple[int, int]:
+    k, _, n = text.partition("/")
+    if not (k.isdigit() and n.isdigit() and 1 <= int(k) <= int(n)):
+        raise argparse.ArgumentTypeError(f'"{text}" is no part: write K/N, 1 <= K <= N, as in 1/2')
+    return int(k), int(n)
+
+
 def _as_another(line: dict) -> str:
     names = [step["effect"] for step in line["left"]["steps"] if step["effect"]]
     return f"{','.join(line['missing'])} ({line['strength']}) as {' and '.join(names)}"
@@ -157,12 +164,12 @@ def main() -> None:
     parser.add_argument("--effects", nargs="*", default=list(CATALOGUE))
     parser.add_argument("--plans", nargs="*", default=PLANS, choices=PLANS)
     parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
-    parser.add_argument("--part", default="1/1", help="K/N: every N-th machine from the K-th on")
+    parser.add_argument("--part", type=_part, default=(1, 1), help="K/N: every N-th machine from the K-th on")
     parser.add_argument("--tables", action="store_true")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
-    k, n = (int(number) for number in arguments.part.split("/"))
+    k, n = arguments.part
     if not arguments.tables:
         for plan in arguments.plans:
             many = {"one": arguments.seeds, "none": arguments.nulls, "outside": 1, "pairs": 2}[plan]

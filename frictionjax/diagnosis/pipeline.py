@@ -41,8 +41,8 @@ from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
 # Share of the misfit, on fit and on held-out recordings, that all accepted effects together must explain for the
-# verdict `named`. What the catalogue lacks resembles something in it, and is explained by two thirds at most; what it
-# holds leaves a sixth or less.
+# verdict `named`. What the catalogue lacks resembles something in it, and is seldom explained by more than two thirds;
+# what it holds mostly leaves a sixth or less.
 _NAMED_SHARE = 0.7
 _UNDETERMINED = (
     "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "

@@ -13,8 +13,8 @@ from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease
 LEAST_SHARE = 0.45
 """Share of the misfit that an effect must explain, on fit and on held-out recordings, to be accepted."""
 LEAST_ENERGY = 0.8
-"""Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings. What the
-catalogue lacks is taken for something that explains half of it."""
+"""Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings. Where
+something else is missing, half of it is easily explained."""
 FAR_FROM_NOISE = 0.8
 """Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
 SIGNIFICANCE = 1e-3
