@@ -26,10 +26,12 @@ def read(paths: list[Path]) -> tuple[np.ndarray, np.ndarray, list[str]]:
     for path in paths:
         for text in path.read_text().splitlines():
             line = json.loads(text)
-            for label, run in (("", line), ("left out: ", line["left"])):
-                steps = run["steps"] if run else []
-                names = [step["effect"] for step in steps if step["effect"]]
-                for name, numbers in zip(names, run["evidence"] if run else [], strict=True):
+            runs = [("", line)]
+            if line["left"]:
+                runs.append(("left out: ", line["left"]))
+            for label, run in runs:
+                names = [step["effect"] for step in run["steps"] if step["effect"]]
+                for name, numbers in zip(names, run["evidence"], strict=True):
                     features.append(Evidence(*numbers).features)
                     right.append(name in line["missing"] and not label)
                     what.append(f"{label}{','.join(line['missing'])} as {name}")
