@@ -266,7 +266,8 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     (found,) = _missing([step], extended, "stick", {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
-    assert found.confidence == pytest.approx(evidence_of([step])[0].confidence, abs=1e-3)
+    assert found.confidence == pytest.approx(Evidence(*found.evidence).confidence, abs=1e-3)
+    assert found.evidence == evidence_of([step])[0]
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
     designed = SimpleNamespace(sentence="To tell delay from drive_lag: a sine.")

@@ -27,11 +27,13 @@ SOLVED, VERDICT, RIVALS = "solved", "verdict.json", "rivals.json"
 
 
 def diagnosed(case_file: Path) -> dict:
-    """verdict.json of a case, with a `trace` to draw; a case that is refused has the verdict "failed" and says why."""
+    """verdict.json of a case, with a `trace` to draw and the evidence for each name; a case that is refused has the
+    verdict "failed" and says why."""
     start = time.perf_counter()
     try:
         found = fj.diagnose(fj.load_case(case_file))
-        verdict = verdict_json(found) | {"trace": trace_of(found)}
+        evidence = [list(missing.evidence) for missing in found.missing]
+        verdict = verdict_json(found) | {"trace": trace_of(found), "evidence": evidence}
     except (InputError, ValueError, FloatingPointError) as error:
         verdict = {"verdict": "failed", "error": str(error), "missing": [], "seconds": {}}
     verdict["seconds"]["wall"] = round(time.perf_counter() - start, 2)

@@ -315,6 +315,7 @@ def _missing(
                 split_by=_split_by(effect, members, experiments.get(found.effect)),
                 next_experiment=experiments.get(found.effect),
                 sentence=effect.about.sentence,
+                evidence=tuple(float(number) for number in evidence),
             )
         )
     return tuple(missing)

@@ -24,7 +24,8 @@ class MissingEffect(eqx.Module):
     itself included), `confidence` in [0, 1], `p_value` under the base model, `parameters` (name to `Estimate`),
     `where` (words), `split_by` (the experiment that would separate the class; empty when it has one member),
     `sentence` (what the effect is, in plain words), `next_experiment` (a `NextExperiment` that tells it from the
-    nearest of its class, or None).
+    nearest of its class, or None), `evidence` (the four numbers that `confidence` comes from: `Evidence` in
+    `confidence.py`).
     """
 
     effect: str = eqx.field(static=True)
@@ -36,6 +37,7 @@ class MissingEffect(eqx.Module):
     split_by: str = eqx.field(static=True, default="")
     sentence: str = eqx.field(static=True, default="")
     next_experiment: NextExperiment | None = None
+    evidence: tuple[float, ...] = eqx.field(static=True, default=())
 
 
 class Unexplained(eqx.Module):
