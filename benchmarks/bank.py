@@ -10,7 +10,7 @@ import json
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -181,12 +181,13 @@ def fill(
     *,
     left_out: bool = False,
     part: tuple[int, int] = (0, 1),
+    kept: Sequence[Path] = (),
 ) -> None:
-    """Diagnose what the plan asks for and is not in the file at `path` yet; a line each, printed as they come. Of
-    `part` (k, n) every n-th machine from the k-th on."""
+    """Diagnose what the plan asks for and is not yet in the file at `path`, nor in those `kept` from before; a line
+    each, printed as they come. Of `part` (k, n) every n-th machine from the k-th on."""
     path.parent.mkdir(parents=True, exist_ok=True)
     key = ("seed", "missing", "strength")
-    lines = path.read_text().splitlines() if path.exists() else []
+    lines = [line for file in {path, *kept} if file.exists() for line in file.read_text().splitlines()]
     done = {json.dumps([json.loads(line)[k] for k in key]) for line in lines}
     mine = list(jobs(plan, strengths, seeds, only))[part[0] :: part[1]]
     for number, job in enumerate(mine, 1):

@@ -1,11 +1,12 @@
 """`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines that share no equation with it.
 
-    python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N] [--tables]
+    python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N]
+    python -m benchmarks.diagnosis --tables [--out FOLDER] [--store FOLDER]
 
 Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines that hide one effect are
 diagnosed a second time without it in the catalogue. A run that stops goes on where it was, from the lines in `--out`;
-`--tables` prints what is there and diagnoses nothing. Hours at full size: `--part 1/2` and `--part 2/2` are two
-processes that share it.
+`--tables` prints what is there and diagnoses nothing; `--store` writes what tables and calibration read of the lines to
+a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share it.
 """
 
 import argparse
@@ -137,6 +138,25 @@ def summary(read: dict[str, list[dict]], write) -> None:
         write(f"- pairs, {len(read['pairs'])}: F1 {2 * hits / total:.2f}.")
 
 
+def thinned(line: dict) -> dict:
+    """What tables and `benchmarks.calibrate` read of a `line`: of each round the misfit and the name."""
+
+    def outline(steps: list[dict]) -> list[dict]:
+        return [{key: step[key] for key in ("misfits_unit", "accepted", "effect")} for step in steps]
+
+    left = line["left"] and line["left"] | {"steps": outline(line["left"]["steps"])}
+    return line | {"steps": outline(line["steps"]), "left": left}
+
+
+def store(folder: Path, read: dict[str, list[dict]]) -> None:
+    """Thin lines to a `folder`, one file a plan, where there are any; `--out` on that folder goes on from them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for plan, lines in read.items():
+        if lines:
+            text = "".join(json.dumps(thinned(line)) + "\n" for line in lines)
+            (folder / f"{plan}.jsonl").write_text(text, encoding="utf-8")
+
+
 def _lines(path: Path) -> list[dict]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
@@ -165,7 +185,8 @@ def main() -> None:
     parser.add_argument("--plans", nargs="*", default=PLANS, choices=PLANS)
     parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
     parser.add_argument("--part", type=_part, default=(1, 1), help="K/N: every N-th machine from the K-th on")
-    parser.add_argument("--tables", action="store_true")
+    parser.add_argument("--tables", action="store_true", help="print what is there, diagnose nothing")
+    parser.add_argument("--store", type=Path, help="folder for what is worth keeping of the lines")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
@@ -181,11 +202,14 @@ def main() -> None:
                 arguments.effects if plan == "one" else [],
                 left_out=plan == "one",
                 part=(k - 1, n),
+                kept=sorted(arguments.out.glob(f"{plan}*.jsonl")),
             )
     read = {}
     for plan in PLANS:
-        lines = [line for path in sorted(arguments.out.glob(f"{plan}-*.jsonl")) for line in _lines(path)]
+        lines = [line for path in sorted(arguments.out.glob(f"{plan}*.jsonl")) for line in _lines(path)]
         read[plan] = sorted(lines, key=lambda line: (line["missing"], STRENGTHS.index(line["strength"])))
+    if arguments.store:
+        store(arguments.store, read)
 
     def write(text: str) -> None:
         sys.stdout.write(text + "\n")

@@ -1,0 +1,83 @@
+"""The bank's lines: kept thin without a change of the tables, and never diagnosed twice."""
+
+import json
+
+import pytest
+
+pytest.importorskip("numba")
+
+from benchmarks import bank, calibrate, diagnosis
+
+
+def _line(seed, missing, named, **more):
+    def step(effect):
+        return {
+            "misfits_unit": [0.4, 0.3],
+            "accepted": effect and f"{effect}_form",
+            "effect": effect,
+            "gains": {"Form": [1.0, 2.0, 3.0]},
+            "refits": [{"form": "Form"}],
+        }
+
+    return {
+        "seed": seed,
+        "missing": missing,
+        "strength": "strong",
+        "verdict": "named" if named else "adequate",
+        "named": named,
+        "classes": [[name] for name in named],
+        "parameters": [{"load": [1.02, 0.01]} for _ in named],
+        "sizes": {"constant_load": {"force": 1.0}},
+        "held": {"moves": [5.0, 1.1, 1.0]},
+        "seconds": 60.0,
+        "steps": [step(name) for name in (*named, None)],
+        "evidence": [[0.9, 0.9, 0.2, 0.99] for _ in named],
+        "left": None,
+        **more,
+    }
+
+
+def _told(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["diagnosis", "--tables", *map(str, arguments)])
+    diagnosis.main()
+    return capsys.readouterr().out
+
+
+def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
+    right = _line(1, ["constant_load"], ["constant_load"])
+    away = {key: right[key] for key in ("verdict", "steps", "evidence")}
+    wrong = _line(2, ["creep"], ["ripple"], left=away)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "one-1-of-2.jsonl").write_text(json.dumps(right) + "\n")
+    (tmp_path / "out" / "one-2-of-2.jsonl").write_text(json.dumps(wrong) + "\n")
+    (tmp_path / "out" / "none-1-of-2.jsonl").write_text(json.dumps(_line(3, [], [])) + "\n")
+    kept = tmp_path / "kept"
+    full = _told(monkeypatch, capsys, "--out", tmp_path / "out", "--store", kept)
+    assert "strong: right within class 1 of 2, named wrongly 1." in full
+    assert "creep (strong) as constant_load" in full and "nothing missing, 1: adequate 1." in full
+    assert "median error 2.00 %" in full
+    assert sorted(path.name for path in kept.iterdir()) == ["none.jsonl", "one.jsonl"]
+    assert "gains" not in (kept / "one.jsonl").read_text()
+    assert _told(monkeypatch, capsys, "--out", kept) == full
+    features, answers, what = calibrate.read([kept / "one.jsonl"])
+    assert features.shape == (3, 4) and answers.tolist() == [True, False, False]
+    assert what == ["constant_load as constant_load", "creep as ripple", "left out: creep as constant_load"]
+
+
+def test_no_machine_is_diagnosed_twice(tmp_path, monkeypatch):
+    asked = []
+
+    def diagnosed(job, *, left_out):
+        asked.append((job["seed"], left_out))
+        return _line(job["seed"], job["missing"], []) | {"compile": 0.0}
+
+    monkeypatch.setattr(bank, "diagnosed", diagnosed)
+    kept = tmp_path / "none.jsonl"
+    kept.write_text(json.dumps(_line(1030, [], [])) + "\n")
+    for _ in range(2):
+        bank.fill(
+            tmp_path / "none-1-of-2.jsonl", "none", ["strong"], [30, 31, 32, 33], [], part=(0, 2), kept=[kept]
+        )
+    assert asked == [(1032, False)]
+    bank.fill(tmp_path / "none-2-of-2.jsonl", "none", ["strong"], [30, 31, 32, 33], [], part=(1, 2))
+    assert asked == [(1032, False), (1031, False), (1033, False)]
