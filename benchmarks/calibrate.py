@@ -1,14 +1,15 @@
-"""`python -m benchmarks.calibrate FIT.jsonl ... [--check OTHER.jsonl ...]`: what makes a confidence a probability.
+"""`python -m benchmarks.calibrate FIT ... [--check OTHER ...]`: what makes a confidence a probability.
 
-Reads the lines of `benchmarks.bank`: every effect that was accepted, with the true one in the catalogue, with it left
-out, and outside the catalogue. Prints the weights of `frictionjax.diagnosis.confidence`, how well they do on the
-machines that they were fitted to, and on others.
+Reads the lines of `benchmarks.bank` (.jsonl) and the results of a revealed batch (.json): every effect that was
+accepted, with the true one in the catalogue, with it left out, and outside the catalogue. Prints the weights of
+`frictionjax.diagnosis.confidence`, how well they do on the machines that they were fitted to, and on others.
 """
 
 import argparse
 import itertools
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +25,31 @@ def read(paths: list[Path]) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Features `(n, 4)`, right or wrong `(n,)`, and what each was, of all accepted effects."""
     features, right, what = [], [], []
     for path in paths:
-        for text in path.read_text().splitlines():
-            line = json.loads(text)
-            runs = [("", line)]
-            if line["left"]:
-                runs.append(("left out: ", line["left"]))
-            for label, run in runs:
-                names = [step["effect"] for step in run["steps"] if step["effect"]]
-                for name, numbers in zip(names, run["evidence"], strict=True):
-                    features.append(Evidence(*numbers).features)
-                    right.append(name in line["missing"] and not label)
-                    what.append(f"{label}{','.join(line['missing'])} as {name}")
+        for missing, label, names, evidence in _of_batch(path) if path.suffix == ".json" else _of_bank(path):
+            for name, numbers in zip(names, evidence, strict=True):
+                features.append(Evidence(*numbers).features)
+                right.append(name in missing and not label)
+                what.append(f"{label}{','.join(missing) or 'nothing'} as {name}")
     return np.array(features).reshape(-1, 4), np.array(right, bool), what
+
+
+_Said = tuple[list[str], str, list[str], list[list[float]]]  # missing, label, names, evidence for each
+
+
+def _of_bank(path: Path) -> Iterator[_Said]:
+    for text in path.read_text(encoding="utf-8").splitlines():
+        line = json.loads(text)
+        for label, run in (("", line), ("left out: ", line["left"])):
+            if run:
+                names = [step["effect"] for step in run["steps"] if step["effect"]]
+                yield line["missing"], label, names, run["evidence"]
+
+
+def _of_batch(path: Path) -> Iterator[_Said]:
+    for name, case in json.loads(path.read_text(encoding="utf-8"))["cases"].items():
+        if "evidence" not in case:
+            sys.exit(f"{path}: {name} keeps no evidence, as batches before the second; leave this file out.")
+        yield case["missing"], "", case["named"], case["evidence"]
 
 
 def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:

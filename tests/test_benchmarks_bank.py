@@ -81,3 +81,17 @@ def test_no_machine_is_diagnosed_twice(tmp_path, monkeypatch):
     assert asked == [(1032, False)]
     bank.fill(tmp_path / "none-2-of-2.jsonl", "none", ["strong"], [30, 31, 32, 33], [], part=(1, 2))
     assert asked == [(1032, False), (1031, False), (1033, False)]
+
+
+def test_names_of_a_revealed_batch_are_calibrated_on_too(tmp_path):
+    path = tmp_path / "7.json"
+    cases = {
+        "case_1": {"missing": ["creep"], "named": ["creep"], "evidence": [[0.9, 0.8, 0.1, 0.99]]},
+        "case_2": {"missing": [], "named": ["ripple"], "evidence": [[0.5, 0.5, 0.1, 0.6]]},
+        "case_3": {"missing": ["delay"], "named": [], "evidence": []},
+    }
+    path.write_text(json.dumps({"cases": cases}))
+    features, right, what = calibrate.read([path])
+    assert features.shape == (2, 4)
+    assert right.tolist() == [True, False]
+    assert what == ["creep as creep", "nothing as ripple"]

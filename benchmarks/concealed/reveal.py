@@ -84,7 +84,8 @@ def reveal(batch: Path, out: Path, *, look: bool = True) -> dict:
         "scores": scores(answers),
         "cases": {a.name: {"stratum": a.stratum, "missing": a.truth["missing"], "strength": a.truth["strength"],
                            "families": a.truth["families"], "rate": a.truth["rate"], "outcome": a.outcome,
-                           "named": a.named, "verdict": a.verdict["verdict"]} for a in answers},
+                           "named": a.named, "evidence": a.verdict.get("evidence", []),
+                           "verdict": a.verdict["verdict"]} for a in answers},
     }  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     drawn = figures(answers, results["scores"])
