@@ -63,7 +63,8 @@ def hero(answer: Answer | None) -> Figure | None:
     after.axhline(1.0, color=GREY, lw=0.8, ls=":")
     truth = " + ".join(_words(name) for name in answer.truth["missing"])
     named = " + ".join(_words(name) for name in answer.named)
-    after.set(xlabel="time, s", ylabel="error / noise", title=f"named: {named}\nunsealed: {truth}")
+    after.set(xlabel="time, s", ylabel="error / noise")
+    after.set_title(f"named: {named}\nunsealed: {truth}", fontsize=9)
     after.legend(frameon=False, fontsize=8)
     return figure
 

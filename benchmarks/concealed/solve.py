@@ -81,6 +81,7 @@ def _one(
     verdict = json.loads((folder / VERDICT).read_text(encoding="utf-8"))
     if rivals and not (folder / RIVALS).exists():
         _keep(folder / RIVALS, rival(file, verdict, bic_seconds))
+        jax.clear_caches()
     return verdict["verdict"], fresh
 
 

@@ -57,7 +57,7 @@ def summary(scores: dict) -> str:
             f"{GOALS['recovery']:.2f}",
         ),
         ("held-out recovery, named right", _number(scores["held_out"]["recovery"]["named right"]), ""),
-        ("size error, median", _number(sizes["error"], 3), ""),
+        ("size error, median", _number(sizes["error"], 4), ""),
         ("size in its 95 % interval", _percent(sizes["coverage"]), f"{100 * low:.0f} to {100 * high:.0f} %"),
         ("map's first regime holds most of the energy", _percent(scores["localisation"]["top_bin"]), ""),
         ("energy in the map's first regime, median", _number(scores["localisation"]["energy_in_it"]), ""),
