@@ -45,9 +45,8 @@ def test_it_beats_the_flat_start_of_the_same_power(criterion, of):
     # Confirmed by the verb that ranks, which knows nothing of lines.
     gains = {one.name: one.gain for one in both.entries}
     assert both.best.name == "u"
-    # Two programs that round differently, and an information with a condition of 1e7 (columns scaled) to be inverted.
-    assert found.after == pytest.approx(gains["u"], rel=1e-5)
-    assert found.before == pytest.approx(gains["flat"], rel=1e-5)
+    assert found.after == pytest.approx(gains["u"], rel=1e-9)
+    assert found.before == pytest.approx(gains["flat"], rel=1e-9)
     assert found.history[0] == found.before and found.history[-1] == found.after
     assert np.all(np.diff(found.history) >= 0.0)
     informed = fisher_information(ROTARY, found.u, RATE, noise)

@@ -197,6 +197,10 @@ def _climbed(value_and_slope, first, stages, steps, logarithm, progress) -> tupl
     for moving in stages:
         options = {"maxiter": steps}
         minimize(loss, best[1], moving, "L-BFGS-B", jac=True, bounds=bounds, callback=tell, options=options)
+        if best[2] != history[-1]:
+            history.append(
+                best[2]
+            )  # a last line search that was given up had still found better: `best` is that
     return best[1], np.asarray(history)
 
 
