@@ -198,9 +198,8 @@ def _climbed(value_and_slope, first, stages, steps, logarithm, progress) -> tupl
         options = {"maxiter": steps}
         minimize(loss, best[1], moving, "L-BFGS-B", jac=True, bounds=bounds, callback=tell, options=options)
         if best[2] != history[-1]:
-            history.append(
-                best[2]
-            )  # a last line search that was given up had still found better: `best` is that
+            # A last line search that was given up may have found better, and `best` is that.
+            history.append(best[2])
     return best[1], np.asarray(history)
 
 
