@@ -135,9 +135,9 @@ def small_case(*, drive=PLANT, late=0, seed=0, seconds=4.0):
     return Case("small", plant, (*experiment(drive=drive, late=late, seed=seed, seconds=seconds), held))
 
 
-def base_fit(starts, recordings, *, progress=silent, known_inertia=False):
+def base_fit(starts, recordings, *, progress=silent, known_inertia=False, encoder_step=FINE):
     """The base model fitted robustly to those of the `recordings` that are not kept aside: a `Model`."""
     held_out = np.array([recording.role == "holdout" for recording in recordings])
-    batch = make_batch(tuple(recordings), encoder_step=FINE)
+    batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     with ThreadPoolExecutor(2) as executor:
         return fit_base(starts, batch, held_out, executor, progress, known_inertia=known_inertia)

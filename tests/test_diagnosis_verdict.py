@@ -28,12 +28,12 @@ BINS = (
 FLOOR = np.ones((1, 1))
 
 
-def _judged(fit, holdout=None):
-    """A judgement with these misfits against any floor."""
+def _judged(fit, holdout=None, chance=0.0):
+    """A judgement with these misfits against any floor, to which `chance` may add so much."""
     misfits = (fit, fit if holdout is None else holdout)
     return SimpleNamespace(
         misfits=lambda floor: misfits,
-        within=lambda floor, most: (misfits[0] < most, misfits[1] < most),
+        within=lambda floor, most: (misfits[0] < most + chance, misfits[1] < most + chance),
         misfit_errors=lambda: (0.0, 0.0),
         power=2.0 * np.exp(2.0 * np.array(misfits))[:, None] - 1.0,
         held_out=np.array([False, True]),
@@ -108,6 +108,9 @@ def test_what_brings_held_out_recordings_to_the_noise_is_significant():
     for shares in ((0.9, 0.55), (0.55, 0.7)):
         assert not acceptable(_compared(*shares), _judged(0.05), FLOOR, weak)[0]
     assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.005), FLOOR, weak)[0]
+    # Nor what chance may have raised above the noise in a short recording.
+    assert acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018), FLOOR, weak)[0]
+    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018, chance=0.01), FLOOR, weak)[0]
 
 
 @pytest.mark.parametrize("holdout", [0.25, 0.31])

@@ -76,7 +76,7 @@ def test_what_the_jacobian_leaves_out_is_of_second_order(problem, batch):
 
     def errors(q, substeps):
         drive = unpack(problem[0].layout, PLANT, q[:count], setting.start[:count])
-        return standardised(drive, q[count:], batch, setting.gains, substeps=substeps)[0]
+        return standardised(drive, q[count:], batch, setting.gains, finer=substeps)[0]
 
     apart = []
     for substeps in (1, 2):

@@ -330,7 +330,7 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     np.testing.assert_array_equal(kept, away)
     assert led_away
     far = told_parameters(Model(joint, Fitted(away, joint.look(away), 0.0, True), fitted.judgement), UNITS)
-    assert far[1].startswith("The parameters are those of one integration step a sample")
+    assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert told_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
     kept, led_away = at_finer_steps(joint, vector, lost)

@@ -9,6 +9,7 @@ from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.begin import Beginning
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
+from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
@@ -18,7 +19,7 @@ from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
 _COARSE = (
-    "The parameters are those of one integration step a sample, from which finer steps lead far away: they may be off "
+    "The parameters are those of few integration steps a sample, from which finer steps lead far away: they may be off "
     "by more than their errors."
 )
 
@@ -42,7 +43,8 @@ def fit_base(
     """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
 
     A model with something missing has several minima, and which is the best is not to be seen after a few steps: every
-    one of the `starts` goes down with the fast observer, and the two that come lowest go on with the slow one.
+    one of the `starts` goes down with the fast observer, and the two that come lowest go on with the slow one. The best
+    ends with as many integration steps a sample as it needs (`steps_needed`), which the model keeps.
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
@@ -63,11 +65,16 @@ def fit_base(
             "the motor constant."
         )
     joint, fitted = min(zip(slow, ends, strict=True), key=lambda pair: pair[1].misfit)
+    steps = steps_needed(joint, fitted.vector)
+    if steps > 1:
+        progress(f"base fit: {steps} integration steps a sample", 0.8)
+        joint = with_steps(joint, steps)
+        fitted = descend(joint, fitted.vector, graduate=False)
     return Model(joint, fitted, judge(joint, fitted))
 
 
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
-    """Physical values of the free parameters of `model`, without the error of one integration step a sample, with
+    """Physical values of the free parameters of `model`, without the error of the integration, with
     standard errors by the clustered sandwich; `units` maps force, position, input to unit names."""
     return told_parameters(model, units)[0]
 

@@ -45,10 +45,11 @@ def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, str
     def one(u, x, dt, gains, start, x_first):
         force, before = drive.applied_force(u, dt), start[3]
         # The free run knows the first sample alone.
-        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=2, before=before).measured
-        seen = observe(drive, force, x, dt, gains, start)
-        ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride)
-        missing = residual_force(drive, force, x, dt, bandwidth, start)
+        steps = batch.substeps
+        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=max(steps, 2), before=before).measured
+        seen = observe(drive, force, x, dt, gains, start, substeps=steps)
+        ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride, substeps=steps)
+        missing = residual_force(drive, force, x, dt, bandwidth, start, substeps=steps)
         bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
         return free, ahead, missing, seen.v, bend, seen.innovation
 

@@ -100,6 +100,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
     )
     notes = list(begun.notes)
+    scene = eqx.tree_at(lambda scene: scene.batch, scene, base.joint.batch)
     credible, known = credibility(base), ""
     if not credible.credible:
         progress("looking for what is wrong", 0.2)

@@ -86,7 +86,7 @@ def _effect_at(joint: Joint, vector) -> AbstractEffect:
 @eqx.filter_jit
 def _motion(drive, deflection, batch, gains):
     def one(u, x, dt, gains, start):
-        seen = observe(drive, drive.applied_force(u, dt), x, dt, gains, start)
+        seen = observe(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=batch.substeps)
         return along(drive, corrected_states(drive, seen, gains), u, dt)
 
     return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0)
@@ -115,7 +115,7 @@ def _injected_lanes(layout, vectors, setting, signals):
         z0 = vector[count:] * drive.friction.Fs / drive.friction.sigma0
 
         def one(u, x, dt, gains, start, signals):
-            return injected_innovations(drive, signals, x, dt, gains, start)
+            return injected_innovations(drive, signals, x, dt, gains, start, substeps=batch.substeps)
 
         raw = batch.each(one, gains, z0, signals)
         return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid

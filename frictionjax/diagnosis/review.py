@@ -109,10 +109,10 @@ def tentative(step: Step) -> Step | None:
     of two effects of one size neither may explain half. None where no candidate is clear, or promises anything."""
     if step.accepted is not None:
         return None
-    olds, p_values = step.before.judgement.misfits(step.floor), effect_p_values(step.trials)
+    p_values = effect_p_values(step.trials)
     for refit, compared in zip(step.refits, step.compared, strict=True):
         gains = min(compared.share_fit, compared.share_holdout) > 0.0 and compared.worth > _PROMISING
-        if gains and clear(compared, olds, p_values[refit.effect]):
+        if gains and clear(compared, step.before.judgement, step.floor, p_values[refit.effect]):
             return settled(dataclasses.replace(step, accepted=refit))
     return None
 

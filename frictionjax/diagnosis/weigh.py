@@ -73,7 +73,7 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
         brings the held-out recordings, which it never saw, to the noise or most of the way there: what acts in a few
         seconds of many has few clusters to be tested in.
     """
-    if not clear(found, before.misfits(floor), p_value):
+    if not clear(found, before, floor, p_value):
         return False, f"not significant (p = {p_value:.2g})"
     if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
         return True, ""
@@ -85,19 +85,18 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
     return False, f"explains too little ({shares} recordings)"
 
 
-def clear(found: Compared, olds: tuple[float, float], p_value: float) -> bool:
-    """Whether chance does not do what the candidate does; `olds` are the misfits without it, the rest as in
-    `acceptable`."""
+def clear(found: Compared, before: Judgement, floor: np.ndarray, p_value: float) -> bool:
+    """Whether chance does not do what the candidate does; arguments as in `acceptable`."""
     leads = found.lead_holdout > _LEADS[0] and found.lead_fit + found.lead_holdout > _LEADS[1]
-    return p_value <= SIGNIFICANCE or leads or _mends(found, olds)
+    return p_value <= SIGNIFICANCE or leads or _mends(found, before, floor)
 
 
-def _mends(found: Compared, olds: tuple[float, float]) -> bool:
+def _mends(found: Compared, before: Judgement, floor: np.ndarray) -> bool:
     """Whether the candidate is adequate on fit and held-out recordings, or explains most of the misfit there, and the
-    model without it was not adequate on the held-out ones, which no fit has seen."""
-    news = left_over(olds, (found.share_fit, found.share_holdout))
+    model without it was not adequate on the held-out ones, which no fit has seen: by more than chance adds there."""
+    news = left_over(before.misfits(floor), (found.share_fit, found.share_holdout))
     most = min(found.share_fit, found.share_holdout) > _MOST_OF_IT
-    return olds[1] > ADEQUATE_MISFIT and (max(news) < ADEQUATE_MISFIT or most)
+    return not before.within(floor, ADEQUATE_MISFIT)[1] and (max(news) < ADEQUATE_MISFIT or most)
 
 
 def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:

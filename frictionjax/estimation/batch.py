@@ -56,7 +56,7 @@ class Batch(AbstractBatch):
     """Recordings of an applied input and of the position that answers.
 
     **Attributes:** beside those of every batch `u` (input units), shape `(r, n)`, and position and velocity at the
-    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position.
+    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position; `substeps`: integration steps a sample.
     """
 
     u: Float[Array, "r n"]
@@ -69,6 +69,7 @@ class Batch(AbstractBatch):
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     before: Before
+    substeps: int = eqx.field(static=True, default=1)
 
     def each(self, function: Callable, gains: Gains, deflection: Float[Array, " r"], *more):
         """`function` of every recording, side by side.

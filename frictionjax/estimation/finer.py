@@ -1,8 +1,8 @@
 """Estimates without the error of the integration: where a descent would have ended with finer steps.
 
-Descents take one step a sample. Its error is a fraction of the noise, and yet biases stiffness and damping by several
-standard errors where recordings are long. The slopes of the errors do not need the finer steps, so that a few
-evaluations of the errors themselves are all it costs.
+Descents take as few steps a sample as pass for noise, most often one. Their error is a fraction of the noise, and yet
+biases stiffness and damping by several standard errors where recordings are long. The slopes of the errors do not need
+the finer steps, so that a few evaluations of the errors themselves are all it costs.
 """
 
 import equinox as eqx
@@ -25,23 +25,23 @@ _FARTHEST = 0.1  # in a coordinate, or a standard deviation of it: what moves fu
 
 @eqx.filter_jit
 def _slope(layout, vector, columns, setting: Setting, fitted) -> Float[Array, " q"]:
-    """Slope of the robust cost of the errors with finer steps, by the `columns` of one step a sample; no parameter sees
+    """Slope of the robust cost of the errors with finer steps, by the `columns` of few steps; no parameter sees
     a recording that is kept aside."""
     count, batch = len(layout), setting.batch
     drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
-    e = standardised(drive, vector[count:], batch, setting.gains, substeps=_SUBSTEPS)
+    e = standardised(drive, vector[count:], batch, setting.gains, finer=_SUBSTEPS)
     weight = jnp.repeat(1.0 / (block_power(e, batch) + 1.0), batch.block, axis=-1) * batch.valid
     seen = columns.at[:count].multiply(fitted[None, :, None]).reshape(columns.shape[0], -1)
     return seen @ (weight * e).ravel() + (vector - setting.start) * setting.prior**2
 
 
 def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> tuple[Float[Array, " q"], bool]:
-    """The minimum of the robust cost with four integration steps a sample, by Newton steps with the matrix of one.
+    """The minimum of the robust cost with four times as many integration steps, by Newton steps with the matrix of few.
 
     **Arguments:**
 
     - `joint`: the model and the recordings.
-    - `vector`: where the descent with one step a sample came to rest, shape `(q,)`.
+    - `vector`: where the descent with few steps came to rest, shape `(q,)`.
     - `look`: there.
 
     **Returns:**

@@ -14,7 +14,7 @@ def standardised(
     batch: AbstractBatch,
     gains: Gains,
     *,
-    substeps: int = 1,
+    finer: int = 1,
 ) -> Float[Array, "r n"]:
     """Prediction errors over what the noise alone makes of them: 1 in the mean square for a perfect model, at any
     sample rate; 0 where not scored. Shape `(r, n)`.
@@ -28,17 +28,19 @@ def standardised(
     - `z0`: bristle deflection at the first sample over the break-away deflection Fs/sigma0, shape `(r,)`.
     - `batch`: the recordings.
     - `gains`: observer gains, one per recording, shape `(r,)`; without meaning for an `ImposedBatch`.
-    - `substeps`: integration steps per sample of the observer.
+    - `finer`: times as many integration steps a sample as the `substeps` of the batch; without meaning for an
+      `ImposedBatch`.
     """
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
     if isinstance(batch, ImposedBatch):
         errors = batch.force - batch.run(drive, deflection)[2]
         return errors / (batch.ease * batch.noise)[:, None] * batch.valid
-    return _innovations(drive, deflection, batch, gains, substeps)
+    return _innovations(drive, deflection, batch, gains, finer)
 
 
-def _innovations(drive: Drive, deflection, batch, gains: Gains, substeps: int):
+def _innovations(drive: Drive, deflection, batch, gains: Gains, finer: int):
     assert isinstance(batch, Batch)
+    substeps = finer * batch.substeps
 
     def one(u, x, dt, gains, start):
         return innovations(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=substeps)

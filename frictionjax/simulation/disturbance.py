@@ -18,6 +18,8 @@ def residual_force(
     dt: Float[Array, ""],
     bandwidth: float,
     start: Start,
+    *,
+    substeps: int = 1,
 ) -> Float[Array, " n"]:
     """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
 
@@ -32,6 +34,7 @@ def residual_force(
     - `dt`: s per sample.
     - `bandwidth`: Hz; lower is smoother.
     - `start`: position, velocity and bristle deflection at the first sample.
+    - `substeps`: integration steps per sample.
     """
     bristles = drive.bristles()
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
@@ -44,7 +47,7 @@ def residual_force(
         innovation = measured - drive.seen(state.x, t, state.hidden)
         missing = missing + gain * innovation
         state = corrected(drive, bristles.slack, state, innovation, gains)
-        return (advance(drive, bristles, state, push + drive.J * missing, dt, 1), missing), missing
+        return (advance(drive, bristles, state, push + drive.J * missing, dt, substeps), missing), missing
 
     first = (state_at(drive, start), jnp.zeros_like(dt))
     missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]

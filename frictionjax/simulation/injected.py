@@ -219,6 +219,8 @@ def injected_innovations(
     dt: Float[Array, ""],
     gains: Gains,
     start: Start,
+    *,
+    substeps: int = 1,
 ) -> Float[Array, " n"]:
     """Innovations of the observer along one recording, shape `(n,)`, with an effect's `signals` in the equations of
     `drive`; the other arguments as in `innovations`."""
@@ -229,7 +231,7 @@ def injected_innovations(
         bristles = now.bristles()
         innovation = measured - now.seen(state.x, t, state.hidden)
         state = corrected(now, bristles.slack, state, innovation, gains)
-        return advance(now, bristles, state, push, dt, 1, exact_derivative=False), innovation
+        return advance(now, bristles, state, push, dt, substeps, exact_derivative=False), innovation
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     inputs = (signals.push, x - signals.shown, t, signals.injection)

@@ -1,0 +1,76 @@
+"""How many integration steps a sample a machine needs: one where its error passes for noise, else more."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import FINE, NOISE, PLANT, base_fit, experiment
+from helpers_plants import effect
+
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT
+from frictionjax.diagnosis.present import present_model
+from frictionjax.diagnosis.step_length import MOST, steps_needed, with_steps
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.residuals import standardised
+from frictionjax.estimation.scales import plant_scales
+
+QUIET = 0.02
+"""Of the noise: little enough for the error of one step a sample to be seen."""
+
+
+def _joint(noise):
+    """The true model before recordings that were simulated with eight steps a sample."""
+    batch = make_batch(experiment(noise=noise * NOISE, seed=3, substeps=8), encoder_step=noise * FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    return joint.at_bandwidth(SLOW_BANDWIDTH), vector
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return _joint(QUIET)
+
+
+def test_one_step_is_enough_where_its_error_passes_for_noise():
+    assert steps_needed(*_joint(1.0)) == 1
+
+
+def test_as_many_steps_as_make_the_error_of_the_integration_pass_for_noise(quiet):
+    """One step a sample makes the true model look inadequate beside finest steps; so many do not."""
+    joint, vector = quiet
+    steps = steps_needed(joint, vector)
+    assert 1 < steps <= MOST
+    one, enough, finest = (with_steps(joint, n).misfits([vector])[0] for n in (1, steps, 16))
+    assert one - finest > ADEQUATE_MISFIT
+    assert abs(enough - finest) < ADEQUATE_MISFIT
+
+
+def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
+    joint, vector = quiet
+    finer = with_steps(joint, 2)
+    assert finer.batch.substeps == 2
+    count = len(joint.layout)
+    expected = standardised(joint.drive(vector), vector[count:], joint.batch, joint.setting.gains, finer=2)
+    np.testing.assert_allclose(finer.errors([vector])[0], expected, rtol=1e-6, atol=1e-6)
+    # An effect of no strength, injected, changes nothing at either.
+    for own in (joint, finer):
+        present = present_model(own, vector)
+        more, longer = extend(
+            present.joint, present.vector, effect("Creep"), plant_scales(PLANT, joint.batch)
+        )
+        np.testing.assert_allclose(present.injected([more], [longer])[0], present.e, rtol=1e-6, atol=1e-6)
+
+
+def test_a_base_fit_keeps_the_steps_it_needs(quiet):
+    recordings = experiment(noise=QUIET * NOISE, seed=3, substeps=8)
+    found = base_fit((PLANT,), recordings, encoder_step=QUIET * FINE)
+    joint, vector = quiet
+    steps = steps_needed(joint, vector)
+    assert found.joint.batch.substeps == steps
+    at_the_truth = float(with_steps(joint, steps).misfits([vector])[0])
+    assert found.fitted.misfit < at_the_truth + 1e-4
+
+
+def test_a_run_that_is_no_number_asks_for_no_steps(quiet):
+    """Only what finer steps mend asks for them."""
+    joint, vector = quiet
+    assert steps_needed(joint, vector.at[0].set(jnp.nan)) == 1
