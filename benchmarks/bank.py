@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import jax
 import numpy as np
 
 import frictionjax as fj
@@ -194,6 +195,7 @@ def fill(
         if json.dumps([job[k] for k in key]) in done:
             continue
         line = diagnosed(job, left_out=left_out)
+        jax.clear_caches()  # programs are of the machine's lengths: kept, they would fill the memory after two dozen
         with path.open("a") as file:
             file.write(json.dumps(line, default=plain) + "\n")
         sys.stderr.write(

@@ -1,5 +1,6 @@
 """`diagnose`: from a case to a verdict; strings the steps together."""
 
+import dataclasses
 import os
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -100,7 +101,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
     )
     notes = list(begun.notes)
-    scene = eqx.tree_at(lambda scene: scene.batch, scene, base.joint.batch)
+    scene = _with_steps_of(scene, base)
     credible, known = credibility(base), ""
     if not credible.credible:
         progress("looking for what is wrong", 0.2)
@@ -143,6 +144,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
+    scene = _with_steps_of(scene, final)
     base_view, extended_view = _views(base, final, scene)
     if residual is not None and residual.helps:
         own_view = base_view if last is base else view(last.judgement, scene)
@@ -180,6 +182,14 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         seconds=clock.told(compiling),
         within=located.within,
     )
+
+
+def _with_steps_of(scene: Scene, model: Model) -> Scene:
+    """The `scene`, simulated with as many integration steps a sample as the `model`."""
+    steps = model.joint.batch.substeps
+    if not isinstance(scene.batch, Batch) or steps == scene.batch.substeps:
+        return scene
+    return eqx.tree_at(lambda own: own.batch, scene, dataclasses.replace(scene.batch, substeps=steps))
 
 
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:

@@ -10,6 +10,8 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.resonance import Pair
+from frictionjax.diagnosis.search import coupled_starts, searched
+from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
@@ -28,6 +30,8 @@ _FIRST = 5  # steps after which candidates that lag behind are given up
 _PROMISING = 0.2  # part of the best one's gain by then
 _AT_LEAST = 3  # candidates that go on in any case
 _HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
+_FAR_ROUNDS, _NEAR_ROUNDS = 25, 12  # of a search without derivatives
+_WIDE, _NARROW = 0.5, 0.2  # its first circle, in logarithms
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -218,15 +222,25 @@ def refit_all(
         other = lowest(joint, [start, *other_starts(joint, start)])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
+    def sought(trial: Trial) -> tuple[Joint, Fitted]:
+        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        found = searched(joint, coupled_starts(joint, vector, scales["zs"]), rounds=_FAR_ROUNDS, width=_WIDE)
+        return joint, descend(joint, found, graduate=False, steps=12, tolerance=0.03)
+
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
         slow = joint.at_bandwidth(SLOW_BANDWIDTH)
         fitted = descend(slow, found.vector, graduate=False, steps=15, tolerance=0.01)
+        if is_chaotic(trial):
+            # Contacts are shorter than anything else in the machine.
+            slow = with_steps(slow, steps_needed(slow, fitted.vector))
+            near = searched(slow, [fitted.vector], rounds=_NEAR_ROUNDS, width=_NARROW)
+            fitted = descend(slow, near, graduate=False, steps=15, tolerance=0.01)
         return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
 
     if not trials:
         return []
-    begun = list(executor.map(begin, trials))
+    begun, chaotic = list(executor.map(begin, trials)), [trial for trial in trials if is_chaotic(trial)]
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
     # A model that has effects already has left the minimum that the base model came to rest in.
@@ -234,6 +248,8 @@ def refit_all(
     if stuck and not model.joint.setting.drive.effects:
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
+    if stuck:
+        begun, trials = begun + list(executor.map(sought, chaotic)), trials + chaotic
     gains = np.array([present - found.misfit for _, found in begun])
     if model.joint.setting.drive.effects and gains.max() < _HOPELESS * present:
         # One of them goes on, to be shown; none will be named beside the effects that are.
@@ -246,6 +262,11 @@ def refit_all(
         if gain > _NEAR * gains.max() and (form not in ends or gain > ends[form][0]):
             ends[form] = gain, trial, end
     return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
+
+
+def is_chaotic(trial: Trial) -> bool:
+    """Whether derivatives say nothing of the best size of its effect."""
+    return isinstance(trial.form, AbstractLoadEffect) and trial.form.chaotic
 
 
 def uncoupled(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
@@ -280,7 +301,10 @@ def _foremost(
 def polish(candidate: Refitted) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
+    start = model.fitted.vector
+    if is_chaotic(candidate.trial):
+        start = searched(model.joint, [start], rounds=_FAR_ROUNDS, width=0.5 * _NARROW)
+    fitted = descend(model.joint, start, graduate=False, steps=25)
     return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
 
 

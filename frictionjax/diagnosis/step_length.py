@@ -23,7 +23,8 @@ MOST = 4
 
 @eqx.filter_jit
 def _differences(layout, vector, setting) -> Float[Array, "k r b"]:
-    """Power in each block of what the innovations with one step and with two have more than those with four."""
+    """Power in each block of what the innovations have more than those with four times the steps: with as many as the
+    batch has, and with twice as many."""
     count = len(layout)
     drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
 
@@ -40,23 +41,24 @@ def _differences(layout, vector, setting) -> Float[Array, "k r b"]:
 
 
 def steps_needed(joint: Joint, vector: Float[Array, " q"]) -> int:
-    """Integration steps a sample, 1, 2 or 4, with which the model at `vector` would not be thought inadequate for the
-    error of the integration alone, on the fitted recordings and on those kept aside. Where the motion is imposed, 1:
-    its runs keep their own steps.
+    """Integration steps a sample with which the model at `vector` would not be thought inadequate for the error of the
+    integration alone, on the fitted recordings and on those kept aside: once, twice or four times those of its batch.
+    Where the motion is imposed, 1: its runs keep their own steps.
     """
     batch = joint.batch
     if not isinstance(batch, Batch):
         return 1
+    own = batch.substeps
     count, fitted = np.asarray(batch.block_count), np.asarray(joint.fitted) > 0
-    for steps, power in zip((1, MOST // 2), _differences(joint.layout, vector, joint.setting), strict=True):
+    for finer, power in zip((1, MOST // 2), _differences(joint.layout, vector, joint.setting), strict=True):
         losses = losses_of(1.0 + np.asarray(power), batch)
         parts = [losses[rows].sum() / max(count[rows].sum(), 1.0) for rows in (fitted, ~fitted)]
         if max(parts) < ADEQUATE_MISFIT:
-            return steps
-    return MOST
+            return finer * own
+    return MOST * own
 
 
 def with_steps(joint: Joint, steps: int) -> Joint:
-    """The same with so many integration steps a sample."""
+    """The same with so many integration steps a sample, of recordings of an applied input."""
     batch = dataclasses.replace(joint.batch, substeps=steps)
     return eqx.tree_at(lambda own: own.setting.batch, joint, batch)

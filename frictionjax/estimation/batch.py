@@ -23,7 +23,8 @@ class AbstractBatch(eqx.Module):
 
     **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
     deviation of the noise of the answer), shape `(r,)`; `block` (samples per block); `lengths` (samples of each
-    recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`).
+    recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps a
+    sample).
     """
 
     x: eqx.AbstractVar[Float[Array, "r n"]]
@@ -33,6 +34,7 @@ class AbstractBatch(eqx.Module):
     block: eqx.AbstractVar[int]
     lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
     before: eqx.AbstractVar[Before]
+    substeps: eqx.AbstractVar[int]
 
     def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
         """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""

@@ -31,6 +31,7 @@ class ImposedBatch(AbstractBatch):
     lengths: Int[np.ndarray, " r"]
     before: Before
     ease: Float[Array, " r"]
+    substeps: int = eqx.field(static=True, default=1)
 
     @property
     def eased(self) -> Float[np.ndarray, " r"]:

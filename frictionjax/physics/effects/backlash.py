@@ -29,6 +29,7 @@ class Backlash(AbstractLoadEffect):
     damping: Float[Array, "..."] = eqx.field(converter=real, default=0.1)
     drag: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
+    chaotic: ClassVar[bool] = True
     name: ClassVar[str] = "backlash"
     about: ClassVar[About] = About(
         sentence="a second inertia behind a gap (backlash)",

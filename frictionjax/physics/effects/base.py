@@ -220,8 +220,9 @@ LOAD_DRAG = Parameter(
 
 class AbstractLoadEffect(AbstractEffect):
     """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive takes one
-    at most."""
+    at most. `chaotic`: whether its contacts make derivatives of the motion useless."""
 
+    chaotic: ClassVar[bool] = False
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "ratio",

@@ -1,0 +1,80 @@
+"""The search without derivatives: what it keeps, that it only gets better, and that it finds a gap."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, experiment
+from helpers_plants import effect
+
+from frictionjax.diagnosis.search import coupled_starts, searched
+from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.joint import extend, make_joint
+from frictionjax.estimation.scales import plant_scales
+
+DEFLECTION = float(PLANT.friction.Fs / PLANT.friction.sigma0)
+TRUE = {"ratio": 0.3, "gap": 2.0 * DEFLECTION, "frequency": 150.0, "damping": 0.3}
+DRAG = 0.5 * float(PLANT.friction.sigma2 / PLANT.J)
+"""Viscous friction of the load over its inertia, 1/s: half of what the rigid machine has."""
+
+
+@pytest.fixture(scope="module")
+def behind_a_gap():
+    """A rigid model before recordings of a machine with a gap, and that model with a second inertia."""
+    own = DRAG * TRUE["ratio"] * PLANT.J
+    machine = eqx.tree_at(lambda drive: drive.friction.sigma2, PLANT, PLANT.friction.sigma2 - own)
+    machine = machine.with_effects(effect("Backlash", drag=DRAG, **TRUE))
+    batch = make_batch(experiment(drive=machine), encoder_step=FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    scales = plant_scales(PLANT, batch)
+    return joint, vector, *extend(joint, vector, effect("Backlash"), scales)
+
+
+def _viscous(drive):
+    side = drive.load_side
+    return float(drive.friction.sigma2) + float(side.drag * side.ratio * drive.J)
+
+
+def test_starts_keep_the_viscous_friction_of_the_whole(behind_a_gap):
+    joint, vector = behind_a_gap[2:]
+    starts = coupled_starts(joint, vector, DEFLECTION)
+    sides = [joint.drive(start).load_side for start in starts]
+    assert len({(float(side.ratio), float(side.half_gap), float(side.stiffness)) for side in sides}) == 20
+    gaps = [2.0 * float(side.half_gap) / DEFLECTION for side in sides]
+    assert (min(gaps), max(gaps)) == pytest.approx((0.3, 30.0))
+    for start in starts:
+        assert _viscous(joint.drive(start)) == pytest.approx(float(PLANT.friction.sigma2))
+
+
+def _at(joint, vector, numbers):
+    """`vector` with these numbers of the coupling."""
+    for index, free in enumerate(joint.layout):
+        if free.parameter.name in numbers and free.path.startswith("effects."):
+            value = numbers[free.parameter.name]
+            vector = vector.at[index].set(np.log(value) if free.parameter.transform == "log" else value)
+        elif free.path == "friction.sigma2":
+            vector = vector.at[index].add(np.log(1.0 - 0.5 * TRUE["ratio"]))
+    return vector
+
+
+def test_a_search_finds_what_predicts_as_well_as_the_truth(behind_a_gap):
+    """When the load touches is chaotic, and nobody sees it: the truth itself leaves much of the misfit."""
+    rigid, start, joint, vector = behind_a_gap
+    starts = coupled_starts(joint, vector, DEFLECTION)
+    alone, truth = rigid.misfits([start])[0], joint.misfits([_at(joint, vector, TRUE | {"drag": DRAG})])[0]
+    found = searched(joint, starts, rounds=25, width=0.5)
+    assert joint.misfits([found])[0] < truth < 0.7 * alone
+    np.testing.assert_array_equal(found, searched(joint, starts, rounds=25, width=0.5))
+    side = joint.drive(found).load_side
+    assert float(side.ratio) == pytest.approx(TRUE["ratio"], rel=0.1)
+    assert 0.4 < 2.0 * float(side.half_gap) / TRUE["gap"] < 2.5
+
+
+def test_only_the_numbers_of_the_coupling_are_drawn(behind_a_gap):
+    joint, vector = behind_a_gap[2:]
+    (start,) = coupled_starts(joint, vector, DEFLECTION)[:1]
+    found = searched(joint, [start], rounds=3, width=0.5)
+    moved = {free.path for free, a, b in zip(joint.layout, found, start, strict=False) if a != b}
+    own = {free.path for free in joint.layout if free.path.startswith("effects.")}
+    assert moved <= own | {"friction.sigma2"}
+    assert jnp.array_equal(found[len(joint.layout) :], start[len(joint.layout) :])
