@@ -1,5 +1,7 @@
 """The search without derivatives: what it keeps, that it only gets better, and that it finds a gap."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -7,10 +9,17 @@ import pytest
 from helpers_estimation import FINE, PLANT, experiment
 from helpers_plants import effect
 
+from frictionjax.diagnosis import refit
+from frictionjax.diagnosis.judge import judge
+from frictionjax.diagnosis.name import forms_to_try, try_form
+from frictionjax.diagnosis.present import present_model
+from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.search import coupled_starts, searched
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.joint import extend, make_joint
+from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
+from frictionjax.physics.effects import catalogue
 
 DEFLECTION = float(PLANT.friction.Fs / PLANT.friction.sigma0)
 TRUE = {"ratio": 0.3, "gap": 2.0 * DEFLECTION, "frequency": 150.0, "damping": 0.3}
@@ -78,3 +87,31 @@ def test_only_the_numbers_of_the_coupling_are_drawn(behind_a_gap):
     own = {free.path for free in joint.layout if free.path.startswith("effects.")}
     assert moved <= own | {"friction.sigma2"}
     assert jnp.array_equal(found[len(joint.layout) :], start[len(joint.layout) :])
+
+
+def test_a_refit_of_a_gap_searches_too_and_takes_the_steps_that_contacts_need(behind_a_gap, monkeypatch):
+    """Once from a grid of its numbers, once with the slow observer, and once more for what may be named."""
+    rigid, start, *_ = behind_a_gap
+    slow = rigid.at_bandwidth(SLOW_BANDWIDTH)
+    fitted = descend(slow, start, graduate=False)
+    model = Model(slow, fitted, judge(slow, fitted))
+    scales = plant_scales(model.judgement.drive, slow.batch)
+    form = catalogue()["backlash"][0]
+    present = present_model(slow.at_bandwidth(FAST_BANDWIDTH), fitted.vector)
+    trial = max(try_form(present, forms_to_try(form, scales, {}), scales), key=lambda t: t.linear_gain)
+    begun = []
+
+    def watched(joint, starts, **options):
+        begun.append((len(starts), joint.batch.substeps))
+        return searched(joint, starts, **options)
+
+    monkeypatch.setattr(refit, "searched", watched)
+    with ThreadPoolExecutor(1) as executor:
+        (found,) = refit.refit_all([trial], model, scales, executor)
+    found = refit.polish(found)
+    steps = found.model.joint.batch.substeps
+    assert steps > 1
+    assert begun == [(20, 1), (1, steps), (1, steps)]
+    assert found.model.fitted.misfit < 0.6 * fitted.misfit
+    side = found.model.judgement.drive.load_side
+    assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=0.1)
