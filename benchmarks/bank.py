@@ -18,12 +18,15 @@ import numpy as np
 
 import frictionjax as fj
 from benchmarks.concealed.reality import CATALOGUE, OUTSIDE, make_case
+from frictionjax.core import keep_compiled
 from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.confidence import evidence_of
 from frictionjax.diagnosis.weigh import Step
 from frictionjax.recordings import Plant, Recording
 
+COMPILED = "compiled"
+"""Folder beside the lines: programs of one shape are compiled once, as the program `frictionjax` does."""
 PAIRS = (
     ("creep", "direction_asymmetry"),
     ("maxwell_slip", "ripple"),
@@ -217,6 +220,7 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
+    keep_compiled(arguments.out.parent / COMPILED)
     fill(
         arguments.out,
         arguments.plan,

@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 
 import frictionjax as fj
-from benchmarks.bank import fill
+from benchmarks.bank import COMPILED, fill
 from benchmarks.concealed.reality import CATALOGUE
+from frictionjax.core import keep_compiled
 
 STRENGTHS = ["strong", "medium"]
 """Clearly visible, and a third of it."""
@@ -190,6 +191,7 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
+    keep_compiled(arguments.out / COMPILED)
     k, n = arguments.part
     if not arguments.tables:
         for plan in arguments.plans:

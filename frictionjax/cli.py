@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -127,10 +126,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
     # These are the program's choices to make, and they must be made before JAX computes anything.
-    from frictionjax.core import configure_jax
+    from frictionjax.core import configure_jax, keep_compiled
 
     configure_jax()
-    _keep_what_is_compiled()
+    keep_compiled()
 
     from frictionjax.core import FrictionjaxWarning, InputError
 
@@ -146,26 +145,6 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
         finally:
             terminal.close()
     return 0
-
-
-def _keep_what_is_compiled() -> None:
-    """Keep compiled programs in the user's cache folder: a second run of the same shapes does not wait for them.
-
-    `JAX_COMPILATION_CACHE_DIR` names another folder. Where the folder cannot be written, nothing is kept.
-    """
-    import jax
-    from platformdirs import user_cache_path
-
-    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
-        return
-    folder = user_cache_path("frictionjax") / "compiled"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return
-    if os.access(folder, os.W_OK):
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _diagnose(arguments: argparse.Namespace, terminal: "_Terminal") -> None:

@@ -256,33 +256,3 @@ def test_a_typo_in_a_key(tmp_path, capsys):
     assert "case.toml" in line
     assert "rolle" in line
     assert not (tmp_path / "out").exists()
-
-
-def test_compiled_programs_are_kept_in_the_users_cache(tmp_path, monkeypatch):
-    import jax
-
-    from frictionjax import cli
-
-    # An earlier test may have run the program in this process.
-    jax.config.update("jax_compilation_cache_dir", None)
-    told = {}
-    monkeypatch.setattr(jax.config, "update", told.__setitem__)
-    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
-    cli._keep_what_is_compiled()
-    assert told["jax_compilation_cache_dir"] == str(tmp_path / "frictionjax" / "compiled")
-    assert (tmp_path / "frictionjax" / "compiled").is_dir()
-
-
-def test_a_cache_folder_that_cannot_be_made_is_done_without(tmp_path, monkeypatch):
-    import jax
-
-    from frictionjax import cli
-
-    # An earlier test may have run the program in this process.
-    jax.config.update("jax_compilation_cache_dir", None)
-    told = {}
-    monkeypatch.setattr(jax.config, "update", told.__setitem__)
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / "file" / name)
-    cli._keep_what_is_compiled()
-    assert told == {}

@@ -91,9 +91,19 @@ def test_a_batch_scores_neither_padding_nor_settling(batch):
 
 
 def test_a_length_that_is_no_whole_number_of_blocks_is_filled_up():
-    batch = make_batch((_recording(_noise(1, 4010)),), encoder_step=FINE)
-    assert batch.x.shape == (1, 4100)
+    batch = make_batch((_recording(_noise(1, 2910)),), encoder_step=FINE)
+    assert batch.x.shape == (1, 3000)
     assert float(batch.block_count[0, -1]) == 10.0
+
+
+@pytest.mark.parametrize(
+    ("samples", "padded"), [(4010, 4200), (4101, 4200), (4200, 4200), (6210, 6400), (800, 800)]
+)
+def test_lengths_go_by_sixteenths_of_an_octave(samples, padded):
+    batch = make_batch((_recording(_noise(1, samples)),), encoder_step=FINE)
+    assert batch.x.shape == batch.u.shape == batch.valid.shape == (1, padded)
+    assert float(batch.valid.sum()) == samples - 200
+    assert float(batch.block_count.sum()) == samples - 200
 
 
 def test_a_batch_starts_where_the_recordings_start(batch):

@@ -58,11 +58,10 @@ def _run(options: argparse.Namespace) -> None:
 
         print(f"sealed: sha256 {make(options.cases, options.seed, options.out)}")
     elif options.verb == "solve":
-        import frictionjax as fj
-        from benchmarks.concealed.solve import solve, workers
+        from benchmarks.concealed.solve import set_up, solve, workers
 
-        fj.configure_jax()
-        with workers(options.workers) if options.workers > 1 else nullcontext() as executor:
+        set_up(options.batch)
+        with workers(options.workers, options.batch) if options.workers > 1 else nullcontext() as executor:
             solve(options.batch, rivals=options.rivals, bic_seconds=options.bic_seconds, executor=executor)
     else:
         from benchmarks.concealed.reveal import markdown, reveal

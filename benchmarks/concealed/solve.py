@@ -20,10 +20,12 @@ from benchmarks.concealed.rivals import run_rivals
 from benchmarks.concealed.seal import SEAL
 from benchmarks.concealed.solver import written_down
 from benchmarks.concealed.trace import trace_of
-from frictionjax.core import FrictionjaxWarning, InputError
+from frictionjax.core import FrictionjaxWarning, InputError, keep_compiled
 from frictionjax.diagnosis.output import verdict_json
 
 SOLVED, VERDICT, RIVALS = "solved", "verdict.json", "rivals.json"
+COMPILED = "compiled"
+"""Folder beside the solved cases: programs of one shape are compiled once, as the program `frictionjax` does."""
 
 
 def diagnosed(case_file: Path) -> dict:
@@ -117,16 +119,23 @@ def solve(
     return fresh
 
 
-def workers(count: int) -> Executor:
-    """Processes that each solve a case on a core of its own: one that is spread over two cores waits for itself."""
+def workers(count: int, batch: Path) -> Executor:
+    """Processes that each solve a case of `batch` on a core of its own: one that is spread over two cores waits for
+    itself."""
     context = get_context("spawn")
     cores = context.Queue()
     for core in sorted(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(count)):
         cores.put(core)
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_on_a_core, initargs=(cores,))
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_on_a_core, initargs=(cores, batch))
 
 
-def _on_a_core(cores) -> None:
+def _on_a_core(cores, batch: Path) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {cores.get()})
+    set_up(batch)
+
+
+def set_up(batch: Path) -> None:
+    """Set JAX up as the program `frictionjax` does; what is compiled for `batch` is kept with it."""
     fj.configure_jax()
+    keep_compiled(batch / SOLVED / COMPILED)

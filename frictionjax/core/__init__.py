@@ -9,3 +9,4 @@ from frictionjax.core.precision import require_x64 as require_x64
 from frictionjax.core.progress import Progress as Progress
 from frictionjax.core.progress import silent as silent
 from frictionjax.core.setup import configure_jax as configure_jax
+from frictionjax.core.setup import keep_compiled as keep_compiled

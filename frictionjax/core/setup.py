@@ -1,9 +1,12 @@
-"""`configure_jax`: float64, one device per core, and compiled loops that are one piece of machine code each."""
+"""`configure_jax`: float64, one device per core, and compiled loops that are one piece of machine code each;
+`keep_compiled`: what is compiled is there for the processes that come after."""
 
 import os
 import warnings
+from pathlib import Path
 
 import jax
+from platformdirs import user_cache_path
 
 from frictionjax.core.errors import FrictionjaxWarning
 
@@ -70,3 +73,22 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
                 FrictionjaxWarning,
                 stacklevel=2,
             )
+
+
+def keep_compiled(folder: Path | None = None) -> None:
+    """Keep what JAX compiles in `folder` (default: the user's cache): another process with the same shapes does not
+    wait for it.
+
+    What has been chosen already stays (`JAX_COMPILATION_CACHE_DIR` or JAX's own setting), and where the folder cannot
+    be written, nothing is kept. Like `configure_jax` it affects the whole process; the program `frictionjax` calls it.
+    """
+    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
+        return
+    folder = user_cache_path("frictionjax") / "compiled" if folder is None else folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    if os.access(folder, os.W_OK):
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -179,9 +179,12 @@ def block_of(recordings: tuple[Recording, ...]) -> int:
 def side_by_side(channels: Sequence[np.ndarray], block: int) -> Float[np.ndarray, "r n"]:
     """One channel of each recording, padded to one length, a whole number of blocks of `block` samples.
 
-    Padding repeats the last value: finite, at rest, and to be masked (NaN would poison derivatives).
+    Padding repeats the last value: finite, at rest, and to be masked (NaN would poison derivatives). Lengths go by
+    sixteenths of an octave: cases of nearly one length share one compiled program, for 2 % more samples in the mean.
     """
-    padded = -(-max(channel.size for channel in channels) // block) * block
+    blocks = -(-max(channel.size for channel in channels) // block)
+    step = 1 << max(blocks.bit_length() - 5, 0)
+    padded = -(-blocks // step) * step * block
     return np.stack([np.pad(channel, (0, padded - channel.size), mode="edge") for channel in channels])
 
 
