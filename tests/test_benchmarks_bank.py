@@ -59,9 +59,14 @@ def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
     assert sorted(path.name for path in kept.iterdir()) == ["none.jsonl", "one.jsonl"]
     assert "gains" not in (kept / "one.jsonl").read_text()
     assert _told(monkeypatch, capsys, "--out", kept) == full
-    features, answers, what = calibrate.read([kept / "one.jsonl"])
-    assert features.shape == (3, 4) and answers.tolist() == [True, False, False]
-    assert what == ["constant_load as constant_load", "creep as ripple", "left out: creep as constant_load"]
+    names = calibrate.read([kept / "one.jsonl"])
+    assert names.features.shape == (3, 4) and names.right.tolist() == [True, False, False]
+    assert names.weight.tolist() == [1.0, 1.0, 1.0]
+    assert names.what == [
+        "constant_load as constant_load",
+        "creep as ripple",
+        "left out: creep as constant_load",
+    ]
 
 
 def test_no_machine_is_diagnosed_twice(tmp_path, monkeypatch):
@@ -91,7 +96,17 @@ def test_names_of_a_revealed_batch_are_calibrated_on_too(tmp_path):
         "case_3": {"missing": ["delay"], "named": [], "evidence": []},
     }
     path.write_text(json.dumps({"cases": cases}))
-    features, right, what = calibrate.read([path])
-    assert features.shape == (2, 4)
-    assert right.tolist() == [True, False]
-    assert what == ["creep as creep", "nothing as ripple"]
+    names = calibrate.read([path])
+    assert names.features.shape == (2, 4)
+    assert names.right.tolist() == [True, False]
+    assert names.what == ["creep as creep", "nothing as ripple"]
+
+
+def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path):
+    one, outside = _line(1, ["creep"], ["creep"]), _line(2, ["outside:fade"], ["ripple"])
+    (tmp_path / "one.jsonl").write_text(json.dumps(one | {"left": None}) + "\n")
+    (tmp_path / "outside.jsonl").write_text(2 * (json.dumps(outside) + "\n"))
+    names = calibrate.read([tmp_path / "one.jsonl", tmp_path / "outside.jsonl"], outside=0.2)
+    # One machine with a name to find, two of the others: these count half of a quarter each.
+    assert names.right.tolist() == [True, False, False]
+    assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
