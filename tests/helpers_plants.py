@@ -92,7 +92,7 @@ LARGE = {
     "CoulombAndViscousAsymmetry": (0.1, 0.5),
     "DriveDeadzone": (0.3,),
     "DriveLag": (1e-3,),
-    "SoftSaturation": (0.03,),
+    "SoftSaturation": (0.3,),
     "HardSaturation": (0.5,),
     "DwellStrengthening": (0.3,),
     "SaturatingStrengthening": (2.0,),
@@ -124,7 +124,7 @@ LARGE = {
     "TorqueRippleWithOvertone": (0.2, -0.1, 0.05, 0.1),
     "ViscoelasticDamping": (0.3,),
     "WarmupByTime": (0.9, 0.9),
-    "WarmupByHeat": (3.0,),
+    "WarmupByHeat": (3.0, 3.0),
     "WarmupByTemperature": (0.5,),
 }
 """Strengths of each form that tell on a plant of the size of Table I; elasto-slip elements have tests of their own."""

@@ -259,20 +259,6 @@ def test_a_dead_zone_takes_its_width_off():
     np.testing.assert_allclose(out, [-0.75, -0.05, 0.0, 0.0, 0.0, 0.0, 0.45, 0.75], atol=1e-15)
 
 
-@pytest.mark.parametrize("softness", [0.0, 1e-5, 9.9e-4, 1.1e-3, 0.5, 30.0])
-def test_soft_saturation_is_a_hyperbolic_tangent(softness):
-    out = effect("SoftSaturation", softness=softness).apply(U, DT)
-    c = np.sqrt(softness)
-    np.testing.assert_allclose(out, np.tanh(c * U) / c if softness else U, rtol=1e-13)
-
-
-def test_hard_saturation_cuts_at_its_limit_and_at_zero_nothing():
-    made = effect("HardSaturation", cut=0.5, largest=1.0)
-    np.testing.assert_allclose(made.apply(U, DT), np.clip(U, -0.5, 0.5))
-    none = effect("HardSaturation", largest=0.5)
-    np.testing.assert_array_equal(none.apply(U, DT), U)
-
-
 def test_the_first_bit_of_hard_saturation_is_felt_by_the_largest_inputs_and_the_input_passes():
     by_cut = jax.jacfwd(lambda cut: effect("HardSaturation", cut=cut, largest=1.0).apply(U, DT))(0.0)
     np.testing.assert_array_equal(by_cut, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])

@@ -13,42 +13,49 @@ from frictionjax.physics.effects.base import About, AbstractInputEffect
 _SHOWS = "the largest inputs, whatever the motion"
 _CONFUSED = ("nonlinear_bristle", "load_dependence")
 _SPLIT = "large inputs in free acceleration, or the same inputs with another inertia"
-_SMALL = 1e-3  # below it the series is exact to the last bits
+_LARGEST = Parameter("largest", "{input}", "largest input", "none", scale="u", grid=(1.0,))
 
 
 class SoftSaturation(AbstractInputEffect):
-    """u -> tanh(c u)/c with c^2 = softness.
+    """u -> u / (1 + softness (|u|/largest)^sharpness)^(1/sharpness): an amplifier's soft limit (Rapp 1991).
+
+    The limit is `largest / softness^(1/sharpness)`; drives differ in how sharply they bend towards it.
 
     **Arguments:**
 
-    - `softness`: square of the inverse of the largest input that acts, 1/input^2, not negative.
+    - `softness`: what the largest input is over the limit, to the power of the sharpness; not negative.
+    - `sharpness`: of the bend; a high one comes near a hard limit.
+    - `largest`: largest input that the recordings hold, input units (not fitted).
     """
 
     softness: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sharpness: Float[Array, "..."] = eqx.field(converter=real, default=2.0)
+    largest: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     name: ClassVar[str] = "drive_saturation"
     about: ClassVar[About] = About(
         sentence="a drive gain that falls with the amplitude of its input (soft saturation)",
-        equation="u -> tanh(c u)/c, c^2 = softness",
+        equation="u -> u/(1 + softness (|u|/largest)^sharpness)^(1/sharpness)",
         shows=_SHOWS,
         confused_with=_CONFUSED,
         split_by=_SPLIT,
+        source="Rapp 1991 (amplifier model)",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "softness", "1/{input}^2", "square of 1/limit", scale="1/u^2", lower=0.0, probes=(0.1, 1.0)
+            "softness", "1", "largest input over limit, ^sharpness", lower=0.0, upper=1e3, probes=(0.1, 1.0)
         ),
     )
-    nuisances: ClassVar[tuple[Parameter, ...]] = ()
+    nuisances: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sharpness", "1", "of the bend", "log", lower=1.0, upper=10.0, grid=(2.0,)),
+        _LARGEST,
+    )
 
     def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
-        # tanh(r)/r is analytic in r^2.
-        q = self.softness * u * u
-        small = q < _SMALL
-        r = jnp.sqrt(jnp.where(small, 1.0, q))
-        p = jnp.where(small, q, 0.0)
-        series = 1.0 - p * (1.0 / 3.0 - p * (2.0 / 15.0 - p * (17.0 / 315.0 - p * (62.0 / 2835.0))))
-        return u * jnp.where(small, series, jnp.tanh(r) / r)
+        # The power of zero has no derivative by its exponent.
+        size = jnp.abs(u) / self.largest
+        power = jnp.where(size > 0.0, jnp.where(size > 0.0, size, 1.0) ** self.sharpness, 0.0)
+        return u * (1.0 + self.softness * power) ** (-1.0 / self.sharpness)
 
 
 class HardSaturation(AbstractInputEffect):
@@ -74,9 +81,7 @@ class HardSaturation(AbstractInputEffect):
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("cut", "1", "part of the largest input cut off", lower=0.0, upper=0.95, probes=(0.1, 0.4)),
     )
-    nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("largest", "{input}", "largest input", "none", scale="u", grid=(1.0,)),
-    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (_LARGEST,)
 
     def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
         size = jnp.abs(u)

@@ -86,17 +86,19 @@ class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
         return -self.viscous_fall * now.hidden[0] * friction.sigma2 * now.v
 
 
-class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect):
-    """G -> G/(1 + fall T) with dT/dt = |v|/distance - T/time_constant: heat comes with the path and leaves with time.
+class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect):
+    """G -> G/(1 + fall T), sigma2 -> sigma2/(1 + viscous_fall T) with dT/dt = |v|/distance - T/time_constant: heat
+    comes with the path and leaves with time.
 
     **Arguments:**
 
-    - `fall`: relative fall of the level when T is 1, to first order.
+    - `fall`, `viscous_fall`: relative fall of the level and of the viscous part when T is 1, to first order.
     - `time_constant`: of cooling, s.
     - `distance`: path that makes T = 1 when nothing cools, position units (not fitted).
     """
 
     fall: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    viscous_fall: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     time_constant: Float[Array, "..."] = eqx.field(converter=real, default=60.0)
     distance: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
@@ -104,7 +106,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect):
     name: ClassVar[str] = "warmup"
     about: ClassVar[About] = About(
         sentence="friction that falls with the heat of motion (warm-up)",
-        equation="G -> G/(1 + fall T), dT/dt = |v|/distance - T/time_constant",
+        equation="G -> G/(1 + fall T), sigma2 -> sigma2/(1 + viscous_fall T), dT/dt = |v|/distance - T/time_constant",
         shows=_SHOWS,
         confused_with=_CONFUSED,
         split_by=_SPLIT,
@@ -113,6 +115,9 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect):
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fall", "1", "relative fall of the level at T = 1", lower=-0.1, upper=10.0, probes=(0.02,)),
+        Parameter(
+            "viscous_fall", "1", "relative fall of the viscous part", lower=-0.1, upper=10.0, probes=(0.02,)
+        ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         _TIME,
@@ -128,3 +133,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect):
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
         return level / jnp.maximum(1.0 + self.fall * now.hidden[0], _LEAST)
+
+    def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        rest = 1.0 / jnp.maximum(1.0 + self.viscous_fall * now.hidden[0], _LEAST)
+        return (rest - 1.0) * friction.sigma2 * now.v
