@@ -183,8 +183,8 @@ SLIDING = {
     "WarmupByHeat": (
         {"fall": 0.2, "viscous_fall": 0.3, "time_constant": 2.0, "distance": 0.1},
         _steady(
-            lambda x, v: 1.0 / (1.0 + 0.2 * 20.0 * abs(v)),
-            lambda x, v: S2 * v * (1.0 / (1.0 + 0.3 * 20.0 * abs(v)) - 1.0),
+            lambda x, v: 1.0 - 0.2 * 20.0 * abs(v),
+            lambda x, v: S2 * v * np.expm1(-0.3 * 20.0 * abs(v)),
         ),
     ),
     # Where no temperature was measured nothing is said of it.

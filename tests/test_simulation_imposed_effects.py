@@ -88,7 +88,7 @@ EFFECTS |= {
     ),
     "WarmupByHeat": (
         {"fall": 0.5, "time_constant": 1.0, "distance": 1e-4},
-        {"state": (0.0, lambda v, T, bend: abs(v) / 1e-4 - T, lambda v, T, G: G / (1.0 + 0.5 * T))},
+        {"state": (0.0, lambda v, T, bend: abs(v) / 1e-4 - T, lambda v, T, G: G * max(1.0 - 0.5 * T, 0.1))},
     ),
     "SharpYield": ({"exponent_change": 1.0}, {"slip": lambda bend, direction: bend * abs(bend)}),
     "ElastoPlastic": ({"plasticity": 1.0, "core": 0.5}, {"slip": _core}),

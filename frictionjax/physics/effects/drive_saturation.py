@@ -13,39 +13,35 @@ from frictionjax.physics.effects.base import About, AbstractInputEffect
 _SHOWS = "the largest inputs, whatever the motion"
 _CONFUSED = ("nonlinear_bristle", "load_dependence")
 _SPLIT = "large inputs in free acceleration, or the same inputs with another inertia"
+_CUT = Parameter("cut", "1", "part of the largest input cut off", lower=0.0, upper=0.95, probes=(0.1, 0.4))
 _LARGEST = Parameter("largest", "{input}", "largest input", "none", scale="u", grid=(1.0,))
 
 
 class SoftSaturation(AbstractInputEffect):
-    """u -> u / (1 + softness (|u|/largest)^sharpness)^(1/sharpness): an amplifier's soft limit (Rapp 1991).
-
-    The limit is `largest / softness^(1/sharpness)`; drives differ in how sharply they bend towards it.
+    """u -> u/(1 + k (|u|/largest)^sharpness)^(1/sharpness), k = (1 - cut)^-sharpness - 1: an amplifier's soft limit
+    (Rapp 1991), largest/k^(1/sharpness). Drives differ in how sharply they bend towards it.
 
     **Arguments:**
 
-    - `softness`: what the largest input is over the limit, to the power of the sharpness; not negative.
+    - `cut`: part of the largest input that has no effect.
     - `sharpness`: of the bend; a high one comes near a hard limit.
     - `largest`: largest input that the recordings hold, input units (not fitted).
     """
 
-    softness: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cut: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     sharpness: Float[Array, "..."] = eqx.field(converter=real, default=2.0)
     largest: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     name: ClassVar[str] = "drive_saturation"
     about: ClassVar[About] = About(
         sentence="a drive gain that falls with the amplitude of its input (soft saturation)",
-        equation="u -> u/(1 + softness (|u|/largest)^sharpness)^(1/sharpness)",
+        equation="u -> u/(1 + k (|u|/largest)^sharpness)^(1/sharpness), k = (1 - cut)^-sharpness - 1",
         shows=_SHOWS,
         confused_with=_CONFUSED,
         split_by=_SPLIT,
         source="Rapp 1991 (amplifier model)",
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "softness", "1", "largest input over limit, ^sharpness", lower=0.0, upper=1e3, probes=(0.1, 1.0)
-        ),
-    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (_CUT,)
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sharpness", "1", "of the bend", "log", lower=1.0, upper=10.0, grid=(2.0,)),
         _LARGEST,
@@ -55,7 +51,8 @@ class SoftSaturation(AbstractInputEffect):
         # The power of zero has no derivative by its exponent.
         size = jnp.abs(u) / self.largest
         power = jnp.where(size > 0.0, jnp.where(size > 0.0, size, 1.0) ** self.sharpness, 0.0)
-        return u * (1.0 + self.softness * power) ** (-1.0 / self.sharpness)
+        k = jnp.expm1(-self.sharpness * jnp.log1p(-self.cut))
+        return u * (1.0 + k * power) ** (-1.0 / self.sharpness)
 
 
 class HardSaturation(AbstractInputEffect):
@@ -78,9 +75,7 @@ class HardSaturation(AbstractInputEffect):
         confused_with=_CONFUSED,
         split_by=_SPLIT,
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cut", "1", "part of the largest input cut off", lower=0.0, upper=0.95, probes=(0.1, 0.4)),
-    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (_CUT,)
     nuisances: ClassVar[tuple[Parameter, ...]] = (_LARGEST,)
 
     def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:

@@ -32,7 +32,7 @@ _TIME = Parameter(
     upper=1e4,
     grid=(15.0, 60.0, 200.0),
 )
-_LEAST = 0.1  # of the denominator: a level may rise tenfold
+_LEAST = 0.1  # of the level: friction does not turn round
 
 
 class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect):
@@ -87,8 +87,8 @@ class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
 
 
 class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect):
-    """G -> G/(1 + fall T), sigma2 -> sigma2/(1 + viscous_fall T) with dT/dt = |v|/distance - T/time_constant: heat
-    comes with the path and leaves with time.
+    """G -> G (1 - fall T), sigma2 -> sigma2 exp(-viscous_fall T) with dT/dt = |v|/distance - T/time_constant: heat
+    comes with the path and leaves with time. A tenth of the level stays, whatever the heat.
 
     **Arguments:**
 
@@ -106,7 +106,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
     name: ClassVar[str] = "warmup"
     about: ClassVar[About] = About(
         sentence="friction that falls with the heat of motion (warm-up)",
-        equation="G -> G/(1 + fall T), sigma2 -> sigma2/(1 + viscous_fall T), dT/dt = |v|/distance - T/time_constant",
+        equation="G -> G (1 - fall T), sigma2 -> sigma2 exp(-viscous_fall T), dT/dt = |v|/distance - T/time_constant",
         shows=_SHOWS,
         confused_with=_CONFUSED,
         split_by=_SPLIT,
@@ -132,8 +132,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
         return (jnp.sum(left) / self.distance)[None]
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        return level / jnp.maximum(1.0 + self.fall * now.hidden[0], _LEAST)
+        return level * jnp.maximum(1.0 - self.fall * now.hidden[0], _LEAST)
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        rest = 1.0 / jnp.maximum(1.0 + self.viscous_fall * now.hidden[0], _LEAST)
-        return (rest - 1.0) * friction.sigma2 * now.v
+        return jnp.expm1(-self.viscous_fall * now.hidden[0]) * friction.sigma2 * now.v
