@@ -191,9 +191,9 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
     fj.configure_jax()
-    keep_compiled(arguments.out / COMPILED)
     k, n = arguments.part
     if not arguments.tables:
+        keep_compiled(arguments.out / COMPILED)
         for plan in arguments.plans:
             many = {"one": arguments.seeds, "none": arguments.nulls, "outside": 1, "pairs": 2}[plan]
             fill(
