@@ -1,6 +1,7 @@
 """The bank's lines: kept thin without a change of the tables, and never diagnosed twice."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -110,3 +111,10 @@ def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path
     # One machine with a name to find, two of the others: these count half of a quarter each.
     assert names.right.tolist() == [True, False, False]
     assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
+
+
+def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(monkeypatch, capsys):
+    benchmarks = Path(diagnosis.__file__).parent
+    sums = _told(monkeypatch, capsys, "--out", benchmarks / "results" / "bank").partition("### in all\n")[2]
+    text = (benchmarks / "README.md").read_text(encoding="utf-8")
+    assert sums.strip() == text.partition("<!-- sums of the bank -->")[2].partition("<!-- end -->")[0].strip()
