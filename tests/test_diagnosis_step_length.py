@@ -6,6 +6,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, base_fit, experiment
 from helpers_plants import effect
 
+import frictionjax as fj
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT
 from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.step_length import MOST, steps_needed, with_steps
@@ -74,3 +75,30 @@ def test_a_run_that_is_no_number_asks_for_no_steps(quiet):
     """Only what finer steps mend asks for them."""
     joint, vector = quiet
     assert steps_needed(joint, vector.at[0].set(jnp.nan)) == 1
+
+
+def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
+    """30 Hz at 200 Hz, 0.9 rad a sample: more than one step a sample could follow."""
+    rate, noise = 200.0, 1e-6
+    rng = np.random.default_rng(5)
+    friction = fj.LuGre(sigma0=2900.0, sigma1=14.5, sigma2=0.02, Fc=1.1, Fs=1.6, vs=0.08)
+    truth = fj.Drive(J=0.0825, friction=friction)
+    t = np.arange(1600) / rate
+    inputs = {
+        "stick": 0.3 * rng.standard_normal(t.size),
+        "slow": 1.4 * np.sin(2.0 * np.pi * 0.3 * t),
+        "slides": 2.2 * np.sin(2.0 * np.pi * 0.5 * t),
+    }
+    recordings = []
+    for name, u in inputs.items():
+        x = np.asarray(fj.simulate(truth, u, rate, substeps=32).x) + noise * rng.standard_normal(t.size)
+        recordings.append(fj.Recording(name=name, sample_rate=rate, u=u, x=x, role="fit"))
+    batch = make_batch(tuple(recordings), encoder_step=noise)
+    assert batch.substeps == 5
+    start = fj.Drive(J=0.1, friction=fj.LuGre(sigma0=1000.0, sigma1=5.0, sigma2=0.02, Fc=1.0, Fs=1.8, vs=0.1))
+    found = base_fit((start,), recordings, encoder_step=noise)
+    drive = found.joint.drive(found.fitted.vector)
+    assert found.fitted.misfit < ADEQUATE_MISFIT
+    for name in ("sigma0", "sigma1", "Fc", "Fs"):
+        np.testing.assert_allclose(getattr(drive.friction, name), getattr(friction, name), rtol=0.02)
+    np.testing.assert_allclose(drive.J, 0.0825, rtol=0.01)

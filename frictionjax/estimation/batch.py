@@ -1,5 +1,6 @@
 """Recordings side by side: padded to one length, with masks, noise levels and starting states."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -122,6 +123,7 @@ def least_samples(sample_rate: float) -> int:
     return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
 
 
+LEAST_RATE = 1000.0  # integration steps a second, Hz, or a tenth less
 _PIECES = 16  # into which a recording is cut for what came before the others
 
 
@@ -189,7 +191,8 @@ def side_by_side(channels: Sequence[np.ndarray], block: int) -> Float[np.ndarray
 
 
 def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
-    """Put force-driven `recordings` side by side in a `Batch`.
+    """Put force-driven `recordings` side by side in a `Batch`, with so many integration steps a sample that none is
+    much longer than 1 ms: bristles that ring between two samples of a slow recorder are part of the machine, too.
 
     **Raises:** `ValueError` when one of them is shorter than the observer's settling and two blocks, 0.2 s.
     """
@@ -231,4 +234,5 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
         before=what_was_before(recordings),
+        substeps=max(math.ceil(LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
     )

@@ -237,7 +237,7 @@ def make_joint(
     - `known_inertia`: keep J; where all motion is imposed it does not act, and is kept in any case.
     """
     dt, imposed = float(jnp.max(batch.dt)), isinstance(batch, ImposedBatch)
-    layout = base_layout(drive, dt, known_inertia=known_inertia or imposed, imposed=imposed)
+    layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
     layout += effect_layout(drive, scales or {})
     recordings = batch.x.shape[0]
     start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])

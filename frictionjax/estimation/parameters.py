@@ -23,7 +23,7 @@ _LEAST_EXCESS, _MOST_EXCESS = 1e-3, 2.0
 # Damping ratio sigma1 / (2 sqrt(sigma0 J)) of the bristle: far above critical, sigma1 dz/dt becomes a blow at every
 # velocity reversal that no step of the length of a sample can follow.
 _LEAST_RATIO, _MOST_RATIO = 1e-3, 1.5
-# Natural frequency of the bristle, rad per sample: faster ones are not in the recordings.
+# Natural frequency of the bristle, rad per integration step: the scheme does not follow faster ones.
 _FASTEST = 0.6
 # How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
 # read off directly; those of stiffness and damping may be guesses. A period is found before; a wave much longer than
@@ -70,8 +70,8 @@ _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 def base_layout(
     drive: Drive, dt: float, *, known_inertia: bool = False, imposed: bool = False
 ) -> tuple[Free, ...]:
-    """The free parameters of the base model: J (unless known) and the six of LuGre, for samples of `dt` s; `imposed`
-    as in `Free`."""
+    """The free parameters of the base model: J (unless known) and the six of LuGre, for integration steps of `dt` s;
+    `imposed` as in `Free`."""
     inertia = () if known_inertia else (Free("J", _INERTIA, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
