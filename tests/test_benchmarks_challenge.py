@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,7 @@ from benchmarks.concealed.composition import (
 from benchmarks.concealed.reality import EFFECTS
 from benchmarks.concealed.reveal import answers_of
 from benchmarks.concealed.seal import BrokenSeal, open_seal
-from benchmarks.concealed.solve import solve
+from benchmarks.concealed.solve import shared_out, solve
 from frictionjax.physics.effects import catalogue
 from tests.helpers_challenge import plain_batch, verdict
 
@@ -201,6 +202,12 @@ def test_who_makes_knows_no_library_and_who_solves_no_truth():
             inside = module.removeprefix("benchmarks.concealed.").split(".")[0]
             assert inside not in ("reality", "make", "composition", "answers", "witness", "reveal"), path
             assert inside != "seal" or name == "SEAL", path
+
+
+def test_every_worker_gets_a_core_also_where_they_are_fewer(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {5, 3}, raising=False)
+    assert shared_out(1) == [3]
+    assert shared_out(5) == [3, 5, 3, 5, 3]
 
 
 @pytest.mark.slow

@@ -124,9 +124,15 @@ def workers(count: int, batch: Path) -> Executor:
     itself."""
     context = get_context("spawn")
     cores = context.Queue()
-    for core in sorted(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(count)):
+    for core in shared_out(count):
         cores.put(core)
     return ProcessPoolExecutor(count, mp_context=context, initializer=_on_a_core, initargs=(cores, batch))
+
+
+def shared_out(count: int) -> list[int]:
+    """A core for each of `count` processes, of those that this one may use; where they are fewer, in turn."""
+    own = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(count))
+    return [own[number % len(own)] for number in range(count)]
 
 
 def _on_a_core(cores, batch: Path) -> None:
