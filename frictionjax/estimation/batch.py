@@ -123,7 +123,7 @@ def least_samples(sample_rate: float) -> int:
     return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
 
 
-LEAST_RATE = 1000.0  # integration steps a second, Hz, or a tenth less
+_LEAST_RATE = 1000.0  # integration steps a second, Hz, or a tenth less
 _PIECES = 16  # into which a recording is cut for what came before the others
 
 
@@ -234,5 +234,5 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
         before=what_was_before(recordings),
-        substeps=max(math.ceil(LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
+        substeps=max(math.ceil(_LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
     )
