@@ -70,8 +70,8 @@ _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 def base_layout(
     drive: Drive, dt: float, *, known_inertia: bool = False, imposed: bool = False
 ) -> tuple[Free, ...]:
-    """The free parameters of the base model: J (unless known) and the six of LuGre, for integration steps of `dt` s;
-    `imposed` as in `Free`."""
+    """The free parameters of the base model: J (unless known) and the six of LuGre, where no integration step is longer
+    than `dt` s; `imposed` as in `Free`."""
     inertia = () if known_inertia else (Free("J", _INERTIA, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
