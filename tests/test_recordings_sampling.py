@@ -62,10 +62,37 @@ def test_jitter_is_measured_and_resampled(size):
     )
 
 
-def test_an_input_of_two_levels_keeps_its_levels_and_its_timing():
+def test_a_motion_is_followed_round_its_corners():
+    """Straight lines would be off by a dt^2 / 8, a thousand times what is allowed here."""
+    t = (np.arange(4000) + RNG.uniform(-0.2, 0.2, 4000)) / 1000.0
+    found = grid(t)
+    assert found.uniform is not None
+    curve = (2.0 * np.pi * 5.0) ** 2 * 1e-6 / 8.0
+    off = found.follow(np.sin(2.0 * np.pi * 5.0 * t)) - np.sin(2.0 * np.pi * 5.0 * found.uniform)
+    assert np.abs(off[5:-5]).max() < 1e-3 * curve
+
+
+def test_what_a_gap_hides_is_not_swung_through():
+    """A spline would leave the last two samples with their slope."""
+    keep = np.r_[0:1000, 1050:2000]
+    x = np.where(keep < 999, 0.0, np.where(keep < 1050, 1.0, 2.0))
+    filled = grid(keep / 1000.0).follow(x)
+    np.testing.assert_allclose(filled[1000:1050], np.interp(np.arange(1000, 1050), [999, 1050], [1.0, 2.0]))
+
+
+def test_an_input_keeps_its_momentum_from_stamp_to_stamp():
+    """The mean of what was held: by summation over a fine grid, and in all."""
     u = np.repeat(RNG.choice([-1.0, 1.0], 400), 10)
     t = (np.arange(4000) + RNG.uniform(-0.2, 0.2, 4000)) / 1000.0
-    np.testing.assert_array_equal(grid(t).hold(u), u)
+    found = grid(t)
+    assert found.uniform is not None
+    fine = found.uniform[:, None] + (np.arange(2000) + 0.5) / 2000.0 / found.sample_rate
+    held = u[np.clip(np.searchsorted(t, fine, side="right") - 1, 0, None)]
+    np.testing.assert_allclose(found.hold(u), held.mean(1), atol=1e-3)
+    assert np.abs(found.hold(u)).max() < 1.0 + 1e-9
+    first, last, step = found.uniform[0], found.uniform[-1], found.uniform[1] - found.uniform[0]
+    given = np.sum(u[:-1] * np.diff(t)) + u[-1] * (last + step - t[-1]) + u[0] * (t[0] - first)
+    np.testing.assert_allclose(found.hold(u).sum() * step, given, rtol=1e-9)
 
 
 def test_gaps_are_counted_and_filled():
@@ -77,7 +104,7 @@ def test_gaps_are_counted_and_filled():
     ramp = keep / 100.0
     np.testing.assert_allclose(found.follow(ramp), np.arange(5000) / 100.0, atol=1e-9)
     held = found.hold(keep.astype(float))
-    np.testing.assert_array_equal(held[[999, 1000, 1001, 1002]], [999.0, 999.0, 999.0, 1002.0])
+    np.testing.assert_allclose(held[[999, 1000, 1001, 1002]], [999.0, 999.0, 999.0, 1002.0], rtol=1e-9)
 
 
 def test_one_stamp_out_of_place_is_found():
