@@ -49,9 +49,13 @@ def _mixed(case: fj.Case) -> fj.Case:
 
 
 def _rounded(step: float) -> Callable[[fj.Case], fj.Case]:
+    """Without the recordings in which the encoder then stands still: a case with such a one is refused."""
+
     def change(case: fj.Case) -> fj.Case:
         coarse = _each(case, lambda r, _: dataclasses.replace(r, x=np.round(r.x / step) * step))
-        return dataclasses.replace(coarse, plant=dataclasses.replace(case.plant, encoder_step=step))
+        moving = tuple(r for r in coarse.recordings if np.ptp(r.x) > 0.0)
+        plant = dataclasses.replace(case.plant, encoder_step=step)
+        return dataclasses.replace(coarse, plant=plant, recordings=moving)
 
     return change
 
@@ -80,9 +84,9 @@ def _no_constant(case: fj.Case) -> fj.Case:
     return dataclasses.replace(case, plant=dataclasses.replace(case.plant, motor_constant=None))
 
 
-def _only(*names: str) -> Callable[[fj.Case], fj.Case]:
-    return lambda case: dataclasses.replace(
-        case, recordings=tuple(r for r in case.recordings if r.name in names)
+def _alone(name: str) -> Callable[[fj.Case], fj.Case]:
+    return lambda case: fj.keep_last_third_aside(
+        dataclasses.replace(case, recordings=tuple(r for r in case.recordings if r.name == name))
     )
 
 
@@ -110,7 +114,7 @@ CONDITIONS = {
     "rates of 2000, 1000 and 500 Hz": Condition({}, _mixed),
     "2 kHz, steps that differ by two fifths": Condition({"rate": 10000.0}, _uneven),
     "motor constant unknown": Condition({}, _no_constant),
-    "one recording": Condition({}, _only("moves")),
+    "one recording": Condition({}, _alone("moves")),
     "eleven recordings": Condition({"families": "rich"}),
     "ten seconds in all": Condition({"stretch": 0.1}),
     "ten minutes in all, 1 kHz": Condition({"stretch": 6.0}, _slower(2)),

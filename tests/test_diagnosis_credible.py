@@ -9,7 +9,7 @@ from helpers_estimation import PLANT, base_fit, small_case
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.begin import begin
-from frictionjax.diagnosis.credible import Credibility, credibility
+from frictionjax.diagnosis.credible import Credibility, _compared, credibility
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.recordings import Case, Plant, Recording
@@ -46,6 +46,16 @@ def test_a_good_base_fit_is_credible_and_that_of_a_reversed_input_is_not():
 )
 def test_either_half_of_the_energy_or_most_of_the_time_makes_it_credible(energy, lead, expected):
     assert Credibility(energy, lead, ()).credible is expected
+
+
+def test_noise_does_not_outvote_the_few_blocks_that_show_anything():
+    """As under an encoder of 12 bit: what no model misses in one block of a hundred, and noise in all the others."""
+    rng = np.random.default_rng(4)
+    noise = 1.0 + 0.1 * rng.standard_normal((1, 1000))
+    none = np.where(np.arange(1000) % 100 == 0, noise + 2.0, noise)
+    assert _compared(none, noise, np.full((1, 1000), 100.0))[0] > 0.9
+    assert _compared(noise, noise, np.full((1, 1000), 100.0))[0] == 0.0
+    assert _compared(noise, none, np.full((1, 1000), 100.0))[0] <= 0.0
 
 
 def test_without_a_model_noise_alone_has_unit_power():

@@ -7,7 +7,15 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, break_away, open_loop, stick_noise
 from scipy.signal import lfilter
 
-from frictionjax.diagnosis.floor import _COLOUR, answer_to_force, colour, floor_of, force_noise, quietness
+from frictionjax.diagnosis.floor import (
+    _COLOUR,
+    answer_to_force,
+    colour,
+    floor_of,
+    force_noise,
+    quietness,
+    scatter,
+)
 from frictionjax.diagnosis.judge import Judgement
 from frictionjax.estimation.batch import make_batch, noise_level
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
@@ -122,3 +130,12 @@ def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
     innovation = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], x) / float(innovation_gain(gains))
     assert level < 0.75 * np.std(x)
     assert np.var(innovation) / level**2 == pytest.approx(_COLOUR, rel=0.05)
+
+
+def test_runs_of_a_machine_that_is_not_chaotic_part_by_the_force_alone(shaken):
+    """The linear answer to a force a twentieth of the size, from other draws."""
+    joint, vector, _ = shaken
+    answer, parted = answer_to_force(joint, vector), scatter(joint, vector, FORCE)
+    seen = answer.gain > 0.1 * answer.gain.max()
+    assert np.median(parted[seen] / (FORCE**2 * answer.gain[seen])) == pytest.approx(1.0, rel=0.15)
+    np.testing.assert_array_equal(scatter(joint, vector, 0.0), 0.0)

@@ -20,6 +20,7 @@ from frictionjax.estimation.no_model import innovations_without_model
 
 _HALF = 0.5  # of the energy
 _SURE = 3.0  # standard errors
+_SEEN = 2.0  # power of a block, in units of the noise, from which on its energy counts
 _FEW = 4  # clusters: with fewer there is no standard error
 
 
@@ -67,12 +68,15 @@ def _without_model(joint: Joint) -> Float[Array, "r n"]:
 
 
 def _better(energy: float, lead: float) -> bool:
-    return energy > 0.0 or lead > 0.0
+    return energy >= 0.0 or lead > 0.0
 
 
 def _compared(none: np.ndarray, told: np.ndarray, count: np.ndarray) -> tuple[float, float]:
     """Energy and lead of block powers `told` over those of no model, shape `(r, b)`, of so many samples each."""
-    before, after = (float(np.sum(count * np.maximum(power - 1.0, 0.0))) for power in (none, told))
+    # Noise lifts half of the blocks a little above its mean, with a model and without: under a coarse encoder these
+    # many would outvote the few that show anything.
+    seen = count * (np.maximum(none, told) > _SEEN)
+    before, after = (float(np.sum(seen * np.maximum(power - 1.0, 0.0))) for power in (none, told))
     gain = 0.5 * count * np.log((none + 1.0) / (told + 1.0))
     short = -gain.shape[1] % CLUSTER_BLOCKS
     clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
@@ -80,4 +84,4 @@ def _compared(none: np.ndarray, told: np.ndarray, count: np.ndarray) -> tuple[fl
     lead = 0.0
     if clusters.size >= _FEW:
         lead = float(clusters.mean() / max(float(clusters.std()) / np.sqrt(clusters.size), 1e-300))
-    return 1.0 - after / before if before > 0.0 else 0.0, lead
+    return 1.0 - after / before if before > 0.0 else -float(after > 0.0), lead

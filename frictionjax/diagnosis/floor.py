@@ -81,6 +81,27 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
     return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in capped]), noise, force, product)
 
 
+def scatter(joint: Joint, vector: Float[Array, " q"], size: float) -> Float[np.ndarray, "r b"]:
+    """Power of each block, shape `(r, b)`, by which two runs of the machine `vector` part under different unmeasured
+    forces of the `size` (over Fc).
+
+    A machine whose contacts are chaotic leaves that much even before the perfect model of it, which is told neither the
+    force nor where in its gap the load begins.
+    """
+    batch, drive = joint.batch, joint.drive(vector)
+    assert isinstance(batch, Batch)
+    rng = np.random.default_rng(20020302)
+    force = size * float(drive.friction.Fc) / float(drive.motor_constant)
+    plain, powers = joint.errors([vector])[0], []
+    for _ in range(_DRAWS):
+        shaken = batch.u + force * jnp.asarray(rng.standard_normal(batch.u.shape))
+        other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
+        parted = jnp.nan_to_num(other.errors([vector])[0] - plain)
+        powers.append(np.asarray(batch.block_mean(parted**2)))
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
+
+
 def _noise_alone(joint: Joint, rng: np.random.Generator) -> Float[np.ndarray, "r n"]:
     """Standardised innovations of a free mass that does not move, of white measurement noise (`innovation_gain`)."""
     gains = joint.setting.gains

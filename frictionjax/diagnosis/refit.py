@@ -10,12 +10,12 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.resonance import Pair
-from frictionjax.diagnosis.search import coupled_starts, searched
+from frictionjax.diagnosis.search import coupled_starts, searched, wide_knees
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
-from frictionjax.physics.effects import AbstractLoadEffect
+from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
 
 _LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
@@ -30,7 +30,7 @@ _FIRST = 5  # steps after which candidates that lag behind are given up
 _PROMISING = 0.2  # part of the best one's gain by then
 _AT_LEAST = 3  # candidates that go on in any case
 _HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
-_FAR_ROUNDS, _NEAR_ROUNDS = 25, 12  # of a search without derivatives
+_ROUNDS = 15  # at each knee, of a search without derivatives
 _WIDE, _NARROW = 0.5, 0.2  # its first circle, in logarithms
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
@@ -224,23 +224,26 @@ def refit_all(
 
     def sought(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        found = searched(joint, coupled_starts(joint, vector, scales["zs"]), rounds=_FAR_ROUNDS, width=_WIDE)
-        return joint, descend(joint, found, graduate=False, steps=12, tolerance=0.03)
+        starts, knees = coupled_starts(joint, vector, scales["zs"]), wide_knees(joint, vector)
+        starts += [uncoupled(joint, start) for start in starts]
+        found = searched(joint, starts, rounds=_ROUNDS, width=_WIDE, knees=knees)
+        ends = [descend(joint, found, graduate=wide, steps=12, tolerance=0.03) for wide in (True, False)]
+        return joint, min(ends, key=lambda fitted: fitted.misfit)
 
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
-        slow = joint.at_bandwidth(SLOW_BANDWIDTH)
-        fitted = descend(slow, found.vector, graduate=False, steps=15, tolerance=0.01)
-        if is_chaotic(trial):
+        slow, chaotic = joint.at_bandwidth(SLOW_BANDWIDTH), _is_chaotic(trial.form)
+        if chaotic:
             # Contacts are shorter than anything else in the machine.
-            slow = with_steps(slow, steps_needed(slow, fitted.vector))
-            near = searched(slow, [fitted.vector], rounds=_NEAR_ROUNDS, width=_NARROW)
-            fitted = descend(slow, near, graduate=False, steps=15, tolerance=0.01)
+            slow = with_steps(slow, steps_needed(slow, found.vector))
+        fitted = descend(slow, found.vector, graduate=chaotic, steps=15, tolerance=0.01)
+        if chaotic:
+            fitted = _searched_again(slow, fitted, _NARROW)
         return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
 
     if not trials:
         return []
-    begun, chaotic = list(executor.map(begin, trials)), [trial for trial in trials if is_chaotic(trial)]
+    begun, chaotic = list(executor.map(begin, trials)), [trial for trial in trials if _is_chaotic(trial.form)]
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
     # A model that has effects already has left the minimum that the base model came to rest in.
@@ -264,9 +267,13 @@ def refit_all(
     return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
 
 
-def is_chaotic(trial: Trial) -> bool:
-    """Whether derivatives say nothing of the best size of its effect."""
-    return isinstance(trial.form, AbstractLoadEffect) and trial.form.chaotic
+def is_chaotic(model: Model) -> bool:
+    """Whether contacts make the motion of the `model` chaotic."""
+    return any(_is_chaotic(effect) for effect in model.judgement.drive.effects)
+
+
+def _is_chaotic(effect: AbstractEffect) -> bool:
+    return isinstance(effect, AbstractLoadEffect) and effect.chaotic
 
 
 def uncoupled(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
@@ -301,11 +308,20 @@ def _foremost(
 def polish(candidate: Refitted) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    start = model.fitted.vector
-    if is_chaotic(candidate.trial):
-        start = searched(model.joint, [start], rounds=_FAR_ROUNDS, width=0.5 * _NARROW)
-    fitted = descend(model.joint, start, graduate=False, steps=25)
+    if _is_chaotic(candidate.trial.form):
+        fitted = _searched_again(model.joint, model.fitted, 0.5 * _NARROW)
+    else:
+        fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
     return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
+
+
+def _searched_again(joint: Joint, fitted: Fitted, width: float) -> Fitted:
+    """A search without derivatives from where a descent ended, and a descent from there: each gets out of where the
+    other one stays."""
+    knees = wide_knees(joint, fitted.vector)
+    start = searched(joint, [fitted.vector], rounds=_ROUNDS, width=width, knees=knees)
+    found = descend(joint, start, steps=15, tolerance=0.01)
+    return found if found.misfit < fitted.misfit else fitted
 
 
 def ease(model: Model) -> Model:

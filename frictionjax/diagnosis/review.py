@@ -96,7 +96,7 @@ def reviewed(steps: list[Step], scales: dict[str, float], answer: Answer) -> lis
             beside = [r for r in steps[0].refits if r.form != again.form]
         else:
             trials, beside = own.trials, []  # the others were refitted beside the one that goes
-        step = settled(weigh(model, trials, [again, *beside], answer))
+        step = settled(weigh(model, trials, [again, *beside], answer, chain[-1] if chain else None))
         chain.append(step)
         if step.accepted is None or step.accepted.form != again.form:
             break

@@ -137,7 +137,7 @@ def select(
     if isinstance(joint.batch, Batch):
         pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
 
-    def one_round(model: Model, number: int) -> Step:
+    def one_round(model: Model, number: int, before: Step | None = None) -> Step:
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
         progress(f"testing every effect, round {number + 1}", start)
         tried = try_catalogue(model, scales, executor, without, pair)
@@ -151,7 +151,7 @@ def select(
         refits.sort(key=lambda r: -worth[id(r)])
         close = [r for r in refits[:2] if worth[id(r)] > max(_WORTHLESS, worth[id(refits[0])] - _CLOSE)]
         refits[: len(close)] = executor.map(polish, close)
-        return settled(weigh(model, trials, refits, answer))
+        return settled(weigh(model, trials, refits, answer, before))
 
     first = one_round(model, 0)
     own = first.before.judgement.within(first.floor, ADEQUATE_MISFIT)
@@ -163,7 +163,7 @@ def select(
         begun = None if _at_the_noise(first.before, first) else tentative(first)
         if begun is None or begun.accepted is None:
             return steps
-        second = one_round(begun.accepted.model, 1)
+        second = one_round(begun.accepted.model, 1, begun)
         if second.accepted is None:
             return steps
         # Two that need each other; or the second was what is missing all along.
@@ -177,7 +177,7 @@ def select(
         whole = explained(steps[0].before.judgement, last.model.judgement, steps[-1].floor)
         if _at_the_noise(last.model, steps[-1]):
             break
-        found = one_round(last.model, number)
+        found = one_round(last.model, number, steps[-1])
         if min(whole) > ENOUGH_SHARE:
             found = only_what_ends_it(found)
         if found.accepted is None:

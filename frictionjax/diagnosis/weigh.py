@@ -5,10 +5,10 @@ import dataclasses
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.floor import Answer, colour, floor_of, force_noise, quietness
+from frictionjax.diagnosis.floor import Answer, colour, floor_of, force_noise, quietness, scatter
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, left_over
 from frictionjax.diagnosis.name import Trial
-from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease
+from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease, is_chaotic
 
 LEAST_SHARE = 0.45
 """Share of the misfit that an effect must explain, on fit and on held-out recordings, to be accepted."""
@@ -27,6 +27,7 @@ _LEADS = 2.0, 6.0
 _MOST_OF_IT = 0.6
 _LEAD = 2.5  # standard errors by which a rival must trail before the recordings can tell it from the leader
 _BEHIND = 0.5  # of the sum of the explained shares by which a candidate that is named may trail the best
+_HALVINGS = 30  # of what is excused
 _ALIKE = 0.03  # of the sum of the explained shares
 
 
@@ -99,8 +100,21 @@ def _mends(found: Compared, before: Judgement, floor: np.ndarray) -> bool:
     return not before.within(floor, ADEQUATE_MISFIT)[1] and (max(news) < ADEQUATE_MISFIT or most)
 
 
-def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Answer) -> Step:
-    """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves."""
+def weigh(
+    model: Model,
+    trials: list[Trial],
+    refits: list[Refitted],
+    answer: Answer,
+    before: Step | None = None,
+) -> Step:
+    """Which of the `refits` may be added to the `model`, seen above the floor that the best of them leaves.
+
+    **Arguments:**
+
+    - `model`: what is there; `trials` of what may be added, and `refits` of the best of those.
+    - `answer`: of the base model to a force.
+    - `before`: the step that led to the `model`, for the floor of what is chaotic.
+    """
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
     quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
     force = min(force_noise(power, answer, model.joint, quiet) for power in powers)
@@ -109,8 +123,17 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
     floor = floor * np.min([colour(power, floor, model.joint) for power in powers], axis=0)
     # Errors that do not count in the fits do not count here either.
     floor = np.maximum(floor, model.joint.batch.eased[:, None])
-    compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
-    ranked = sorted(refits, key=lambda r: -compared[id(r)].worth)
+    compared, ranked = _ranked(model, refits, floor)
+    if is_chaotic(model) and before is not None:
+        floor = np.maximum(floor, before.floor)
+    elif not is_chaotic(model) and ranked and is_chaotic(ranked[0].model):
+        best = compared[id(ranked[0])]
+        # One that explains too little must not excuse itself.
+        if min(best.share_fit, best.share_holdout) > LEAST_SHARE:
+            found = ranked[0].model
+            own = scatter(found.joint, found.fitted.vector, force)
+            floor = _excused(model.judgement, floor, quiet + own)
+    compared, ranked = _ranked(model, refits, floor)
     p_values = effect_p_values(trials)
 
     # What another candidate explains far better is not named, even if that one is refused.
@@ -141,6 +164,26 @@ def weigh(model: Model, trials: list[Trial], refits: list[Refitted], answer: Ans
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _ranked(
+    model: Model, refits: list[Refitted], floor: np.ndarray
+) -> tuple[dict[int, Compared], list[Refitted]]:
+    """The `refits` against the `model` above the `floor`, by their identity, and the best of them first."""
+    compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
+    return compared, sorted(refits, key=lambda r: -compared[id(r)].worth)
+
+
+def _excused(before: Judgement, floor: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """The `floor`, raised towards what a chaotic machine leaves even before its true model, `left`: in blocks in which
+    the model `before` it errs more than that, and by no more than half of what that model misses."""
+    whole, left = np.array(before.misfits(floor)), np.minimum(left, before.power)
+    for _ in range(_HALVINGS):
+        raised = np.maximum(floor, left)
+        if np.all(np.array(before.misfits(raised)) >= 0.5 * whole):
+            return raised
+        left = 0.5 * left
+    return floor
 
 
 def dropping(step: Step, why: str, *, together: bool = False) -> Step:

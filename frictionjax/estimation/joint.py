@@ -211,12 +211,15 @@ def losses_of(
     return 0.5 * np.asarray(batch.block_count) * np.log((power + floor) / (2.0 * floor))
 
 
-def misfit_of(power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: AbstractBatch) -> float:
-    """Robust misfit per sample of the recordings `rows` (weights, shape `(r,)`)."""
+def misfit_of(
+    power: Float[np.ndarray, "r b"], rows: np.ndarray, batch: AbstractBatch, knee: float = 1.0
+) -> float:
+    """Robust misfit per sample of the recordings `rows` (weights, shape `(r,)`) with the Cauchy knee at the power
+    `knee`; infinite where a trajectory is not finite."""
     if not np.all(np.isfinite(power)):
         return float("inf")
     samples = float(np.sum(np.asarray(batch.block_count) * rows[:, None]))
-    return float(np.sum(losses_of(power, batch) * rows[:, None])) / max(samples, 1.0)
+    return float(np.sum(losses_of(power, batch, knee) * rows[:, None])) / max(samples, 1.0)
 
 
 def make_joint(

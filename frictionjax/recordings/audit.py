@@ -120,7 +120,7 @@ class Audit(eqx.Module):
                 f"{length:.3g} s at {time:.6g} s)"
             )
         return (
-            f"The time stamps {' and '.join(faults)}: x was interpolated linearly and u held onto a uniform grid of "
+            f"The time stamps {' and '.join(faults)}: x was interpolated and u averaged onto a uniform grid of "
             f"{self.sample_rate:.6g} Hz."
         )
 
