@@ -30,7 +30,7 @@ _FIRST = 5  # steps after which candidates that lag behind are given up
 _PROMISING = 0.2  # part of the best one's gain by then
 _AT_LEAST = 3  # candidates that go on in any case
 _HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
-_ROUNDS = 15  # at each knee, of a search without derivatives
+_ROUNDS = 12  # at each knee, of a search without derivatives
 _WIDE, _NARROW = 0.5, 0.2  # its first circle, in logarithms
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
@@ -243,7 +243,9 @@ def refit_all(
 
     if not trials:
         return []
-    begun, chaotic = list(executor.map(begin, trials)), [trial for trial in trials if _is_chaotic(trial.form)]
+    begun = list(executor.map(begin, trials))
+    # What is searched without derivatives begins nowhere: one trial of a form is as good as another.
+    chaotic = [trial for trial in one_of_each(trials) if _is_chaotic(trial.form)]
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
     # A model that has effects already has left the minimum that the base model came to rest in.
