@@ -32,7 +32,9 @@ class Trial(eqx.Module):
     **Attributes:** `effect` (name), `form` (the effect at zero strength), `joint`, `vector` (the best one-step vector),
     `gain` (drop of the misfit when that vector is simulated), `linear_gain` (drop promised by the regression),
     `p_value` (clustered score test), `one_step` and `detectable` (strength name -> one-step estimate, smallest
-    detectable size, in the strength's unit).
+    detectable size, in the strength's unit); `shown` (power per sample of what the finite step does to the innovations),
+    `absorbed` (the part of it that the present parameters can undo), `valley` (the vector after that step and with it
+    undone).
     """
 
     effect: str = eqx.field(static=True)
@@ -44,6 +46,9 @@ class Trial(eqx.Module):
     p_value: float
     one_step: dict[str, float] = eqx.field(static=True)
     detectable: dict[str, float] = eqx.field(static=True)
+    shown: float
+    absorbed: float
+    valley: Float[Array, " q"]
 
 
 def forms_to_try(
@@ -91,6 +96,9 @@ class _Promise(NamedTuple):
     linear_gain: float
     p_value: float
     spread: np.ndarray
+    shown: float
+    absorbed: float
+    valley: Array
 
 
 class _Probe(NamedTuple):
@@ -175,7 +183,8 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
     candidates, linear, p_value = [], 0.0, 1.0
-    spread = np.full(size, np.inf)
+    spread, shown, absorbed, valley = np.full(size, np.inf), 0.0, 0.0, vector
+    samples = max(float(jnp.sum(present.joint.batch.valid)), 1.0)
     for number, (weighing, product) in enumerate(zip(present.weighings, products, strict=True)):
         cross, own, right, clusters = product
         gram = np.block([[weighing.gram, cross], [cross.T, own + 1e-12 * np.eye(size)]])
@@ -184,7 +193,6 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
             continue
         step = -np.linalg.lstsq(gram, whole, rcond=None)[0]
         without = -np.linalg.lstsq(weighing.gram, weighing.right, rcond=None)[0]
-        samples = max(float(jnp.sum(present.joint.batch.valid)), 1.0)
         linear = max(linear, float(-(whole @ step) + weighing.right @ without) / samples)
         for damping in _DAMPING:
             change = np.zeros(vector.shape[0])
@@ -192,6 +200,11 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
             candidates.append(vector + jnp.asarray(change))
         if number == 0:
             coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]
+            far, undone = np.asarray(probe.sizes), np.zeros(vector.shape[0])
+            shown = float(far @ own @ far) / samples
+            absorbed = float(far @ cross.T @ coefficients @ far) / samples / max(shown, _NOTHING)
+            undone[position[:-size]] = np.clip(coefficients @ far, -_LONGEST_STEP, _LONGEST_STEP)
+            valley = (vector - jnp.asarray(undone)).at[jnp.asarray(where)].add(jnp.asarray(far))
             projected = clusters - weighing.clusters @ coefficients
             p_value = _score_test(projected)
             if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
@@ -201,7 +214,7 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
             spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
             # What does nothing to these recordings would not be seen at any size.
             spread = np.where(np.diag(own) > _NOTHING, spread, np.inf)
-    return _Promise(probe.form, joint, where, candidates, linear, p_value, spread)
+    return _Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
 
 
 def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
@@ -245,6 +258,9 @@ def _trial(promise: _Promise, gain: float, vector) -> Trial:
         detectable={
             p.parameter.name: float(4.0 * s * p.scale) for p, s in zip(free, promise.spread, strict=True)
         },
+        shown=promise.shown,
+        absorbed=promise.absorbed,
+        valley=promise.valley,
     )
 
 

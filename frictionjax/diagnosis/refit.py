@@ -1,5 +1,6 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import equinox as eqx
@@ -30,6 +31,8 @@ _FIRST = 5  # steps after which candidates that lag behind are given up
 _PROMISING = 0.2  # part of the best one's gain by then
 _AT_LEAST = 3  # candidates that go on in any case
 _HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
+_MASKED, _PLAIN = 0.9, 1.0  # part of a step that base parameters undo; its power over that of the noise
+_MOST_MASKED = 5
 _ROUNDS = 12  # at each knee, of a search without derivatives
 _WIDE, _NARROW = 0.5, 0.2  # its first circle, in logarithms
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
@@ -139,19 +142,31 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
     return chosen
 
 
+def hidden_in_the_base(trials: list[Trial]) -> list[Trial]:
+    """The best trial of each form of which a plain step would show and the base parameters can undo most: a base fit may
+    have taken it for a machine of other inertia and friction, and then no small step away from that one gains."""
+    masked = [trial for trial in trials if trial.absorbed > _MASKED and trial.shown > _PLAIN]
+    best: dict[str, Trial] = {}
+    for trial in sorted(masked, key=lambda t: -t.absorbed):
+        best.setdefault(type(trial.form).__name__, trial)
+    return list(best.values())[:_MOST_MASKED]
+
+
 def refit_all(
     trials: list[Trial],
     model: Model,
     scales: dict[str, float],
     executor: Executor,
     pair: Pair | None = None,
+    absorbed: Sequence[Trial] = (),
 ) -> list[Refitted]:
     """Refit `trials`, each an effect beside those of `model`, from their one-step estimates: all with the fast
     observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
     look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
-    began, with as much of the effect as its test promised, or as the `pair` shows.
+    began, with as much of the effect as its test promised, or as the `pair` shows; and so are the `absorbed` ones, from a
+    plain size and the base parameters that undo most of it: with the wrong ones no small step towards the truth gains.
 
     **Arguments:**
 
@@ -160,6 +175,7 @@ def refit_all(
     - `scales`: the plant's sizes.
     - `executor`: runs them side by side.
     - `pair`: antiresonance and resonance in the data, where they show any.
+    - `absorbed`: what the base parameters can stand in for (`hidden_in_the_base`).
     """
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = float(fast.misfits([model.fitted.vector])[0])
@@ -230,6 +246,12 @@ def refit_all(
         ends = [descend(joint, found, graduate=wide, steps=12, tolerance=0.03) for wide in (True, False)]
         return joint, min(ends, key=lambda fitted: fitted.misfit)
 
+    def along_the_valley(trial: Trial) -> tuple[Joint, Fitted]:
+        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+        vector = vector.at[:count].set(trial.valley[:count]).at[count + rows].set(trial.valley[count:])
+        return joint, descend(joint, vector, steps=_FIRST, tolerance=0.03)
+
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
         slow, chaotic = joint.at_bandwidth(SLOW_BANDWIDTH), _is_chaotic(trial.form)
@@ -253,6 +275,7 @@ def refit_all(
     if stuck and not model.joint.setting.drive.effects:
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
+        begun, trials = begun + list(executor.map(along_the_valley, absorbed)), [*trials, *absorbed]
     if stuck:
         begun, trials = begun + list(executor.map(sought, chaotic)), trials + chaotic
     gains = np.array([present - found.misfit for _, found in begun])

@@ -17,6 +17,7 @@ from frictionjax.diagnosis.refit import (
     Refitted,
     compare,
     ease,
+    hidden_in_the_base,
     one_of_each,
     polish,
     refit_all,
@@ -144,7 +145,8 @@ def select(
         trials = [trial for some in tried for trial in some]
         chosen = _worth_refitting(model, tried, barred, 5 if number == 0 else 3)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
-        refits = refit_all(chosen, model, scales, executor, pair)
+        masked = hidden_in_the_base([trial for trial in tried[0] if trial.effect not in barred])
+        refits = refit_all(chosen, model, scales, executor, pair, masked)
         model = _better_base(model, refits)
         least = model.joint.batch.eased[:, None]
         worth = {id(r): compare(model.judgement, r.model.judgement, least).worth for r in refits}
