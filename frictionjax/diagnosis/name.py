@@ -32,9 +32,9 @@ class Trial(eqx.Module):
     **Attributes:** `effect` (name), `form` (the effect at zero strength), `joint`, `vector` (the best one-step vector),
     `gain` (drop of the misfit when that vector is simulated), `linear_gain` (drop promised by the regression),
     `p_value` (clustered score test), `one_step` and `detectable` (strength name -> one-step estimate, smallest
-    detectable size, in the strength's unit); `shown` (power per sample of what the finite step does to the innovations),
-    `absorbed` (the part of it that the present parameters can undo), `valley` (the vector after that step and with it
-    undone).
+    detectable size, in the strength's unit); `shown` (power per sample of what the finite step does to the
+    innovations), `absorbed` (the part of it that the present parameters can undo), `valley` (the vector after that step
+    and with it undone).
     """
 
     effect: str = eqx.field(static=True)

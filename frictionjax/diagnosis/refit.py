@@ -143,8 +143,8 @@ def short_list(trials: list[Trial], *, most: int, least_gain: float, far: bool =
 
 
 def hidden_in_the_base(trials: list[Trial]) -> list[Trial]:
-    """The best trial of each form of which a plain step would show and the base parameters can undo most: a base fit may
-    have taken it for a machine of other inertia and friction, and then no small step away from that one gains."""
+    """The best trial of each form of which a plain step would show and the base parameters can undo most: a base fit
+    may have taken it for a machine of other inertia and friction, and then no small step away from that one gains."""
     masked = [trial for trial in trials if trial.absorbed > _MASKED and trial.shown > _PLAIN]
     best: dict[str, Trial] = {}
     for trial in sorted(masked, key=lambda t: -t.absorbed):
@@ -165,8 +165,8 @@ def refit_all(
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
     look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
-    began, with as much of the effect as its test promised, or as the `pair` shows; and so are the `absorbed` ones, from a
-    plain size and the base parameters that undo most of it: with the wrong ones no small step towards the truth gains.
+    began, with as much of the effect as its test promised, or as the `pair` shows; and so are the `absorbed` ones, from
+    a plain size and the base parameters that undo most of it.
 
     **Arguments:**
 
