@@ -1,15 +1,25 @@
 """Refits: where they begin."""
 
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_estimation import FINE, PLANT, open_loop, stick_noise
+from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import effect
 
-from frictionjax.diagnosis.refit import uncoupled
+from frictionjax.diagnosis.judge import judge
+from frictionjax.diagnosis.name import forms_to_try, try_form
+from frictionjax.diagnosis.present import present_model
+from frictionjax.diagnosis.refit import Model, hidden_in_the_base, refit_all, uncoupled
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.joint import extend, make_joint
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
+from frictionjax.physics.effects import catalogue
+
+GROWTH, QUIET = 0.1, 0.03
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -31,3 +41,67 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
             float(getattr(PLANT.friction, name)), rel=1e-9
         ), name
     assert bool(jnp.all(jnp.isfinite(hung)))
+
+
+def _masked(form, absorbed, shown):
+    return SimpleNamespace(form=type(form, (), {})(), absorbed=absorbed, shown=shown)
+
+
+def test_what_would_show_and_can_be_undone_is_hidden_in_the_base():
+    trials = [
+        _masked("Plain", 0.95, 2.0),
+        _masked("Plain", 0.97, 3.0),
+        _masked("TooSmall", 0.99, 0.5),
+        _masked("Shows", 0.85, 50.0),
+    ]
+    assert hidden_in_the_base(trials) == [trials[1]]
+    many = [_masked(f"Form{k}", 0.91 + 0.01 * k, 2.0) for k in range(8)]
+    assert [t.absorbed for t in hidden_in_the_base(many)] == pytest.approx([0.98, 0.97, 0.96, 0.95, 0.94])
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """A machine whose friction grows with the load, moved by a servo, and the base model that is fitted to it; tests of
+    two effects beside it."""
+    machine = PLANT.with_effects(effect("LoadDependence", growth=GROWTH))
+    recordings = tuple(
+        closed_loop(f"moves_{k}", moves(3.0, ends), seed=k, drive=machine, noise=QUIET * NOISE)
+        for k, ends in enumerate([(0.3, -0.1, 0.02), (-0.2, 0.25, 0.1)])
+    )
+    batch = make_batch(recordings, encoder_step=QUIET * FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(2, bool))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    fitted = descend(slow, vector)
+    model = Model(slow, fitted, judge(slow, fitted))
+    scales = plant_scales(model.judgement.drive, batch)
+    present = present_model(joint, fitted.vector)
+    tried = {
+        name: try_form(present, forms_to_try(catalogue()[name][0], scales, {}), scales)
+        for name in ("load_dependence", "delay")
+    }
+    return model, scales, present, tried
+
+
+def test_the_valley_undoes_what_a_step_does(driven):
+    """As the regression says, by simulation: to first order, of the smaller of two steps."""
+    _, scales, present, tried = driven
+    trial = min(tried["load_dependence"], key=lambda t: t.shown)
+    joint, base = extend(present.joint, present.vector, trial.form, scales)
+    place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "growth")
+    plain, stepped, undone = joint.errors([base, base.at[place].set(trial.valley[place]), trial.valley])
+    shown, left = (float(jnp.mean((errors - plain) ** 2)) for errors in (stepped, undone))
+    assert trial.absorbed > 0.999
+    assert left < 0.05 * shown
+
+
+def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driven):
+    model, scales, _, tried = driven
+    assert float(model.judgement.drive.J) > 1.08 * float(PLANT.J)
+    other = max(tried["delay"], key=lambda t: t.gain)
+    absorbed = hidden_in_the_base(tried["load_dependence"])
+    with ThreadPoolExecutor(1) as executor:
+        found = refit_all([other], model, scales, executor, None, absorbed)
+    best = min(found, key=lambda r: r.model.fitted.misfit)
+    assert best.effect == "load_dependence"
+    assert float(best.model.judgement.drive.effects[-1].growth) == pytest.approx(GROWTH, rel=0.02)
+    assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)
