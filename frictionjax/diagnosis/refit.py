@@ -238,11 +238,13 @@ def refit_all(
         other = lowest(joint, [start, *other_starts(joint, start)])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
-    def sought(trial: Trial) -> tuple[Joint, Fitted]:
+    def sought(trial: Trial) -> tuple[Joint, Fitted] | None:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         starts, knees = coupled_starts(joint, vector, scales["zs"]), wide_knees(joint, vector)
         starts += [uncoupled(joint, start) for start in starts]
-        found = searched(joint, starts, rounds=_ROUNDS, width=_WIDE, knees=knees)
+        found = searched(joint, starts, rounds=_ROUNDS, width=_WIDE, knees=knees, rigid=vector)
+        if found is None:
+            return None
         ends = [descend(joint, found, graduate=wide, steps=12, tolerance=0.03) for wide in (True, False)]
         return joint, min(ends, key=lambda fitted: fitted.misfit)
 
@@ -276,20 +278,23 @@ def refit_all(
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
         begun, trials = begun + list(executor.map(along_the_valley, absorbed)), [*trials, *absorbed]
-    if stuck:
-        begun, trials = begun + list(executor.map(sought, chaotic)), trials + chaotic
+    if stuck and min(found.misfit for _, found in begun) > _LEFT * present:
+        ends = [
+            (trial, end) for trial, end in zip(chaotic, executor.map(sought, chaotic), strict=True) if end
+        ]
+        begun, trials = begun + [end for _, end in ends], trials + [trial for trial, _ in ends]
     gains = np.array([present - found.misfit for _, found in begun])
     if model.joint.setting.drive.effects and gains.max() < _HOPELESS * present:
         # One of them goes on, to be shown; none will be named beside the effects that are.
         best = int(np.argmax(gains))
         trials, begun, gains = [trials[best]], [begun[best]], gains[best:][:1]
     # A form may have begun from two places: the better end goes on.
-    ends: dict[str, tuple[float, Trial, tuple[Joint, Fitted]]] = {}
+    better: dict[str, tuple[float, Trial, tuple[Joint, Fitted]]] = {}
     for trial, end, gain in zip(trials, begun, gains, strict=True):
         form = type(trial.form).__name__
-        if gain > _NEAR * gains.max() and (form not in ends or gain > ends[form][0]):
-            ends[form] = gain, trial, end
-    return list(executor.map(finish, [(trial, end) for _, trial, end in ends.values()]))
+        if gain > _NEAR * gains.max() and (form not in better or gain > better[form][0]):
+            better[form] = gain, trial, end
+    return list(executor.map(finish, [(trial, end) for _, trial, end in better.values()]))
 
 
 def is_chaotic(model: Model) -> bool:
@@ -345,6 +350,7 @@ def _searched_again(joint: Joint, fitted: Fitted, width: float) -> Fitted:
     other one stays."""
     knees = wide_knees(joint, fitted.vector)
     start = searched(joint, [fitted.vector], rounds=_ROUNDS, width=width, knees=knees)
+    assert start is not None  # for it was told of nothing better
     found = descend(joint, start, steps=15, tolerance=0.01)
     return found if found.misfit < fitted.misfit else fitted
 

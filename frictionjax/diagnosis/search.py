@@ -27,6 +27,7 @@ _DAMPING, _LOADS_OWN = 0.2, 0.5  # damping ratio in contact; the load's part of 
 _NARROWER = 0.8  # factor on the width after a round in which nothing was better
 _NARROWED = 0.7  # the same, after a knee
 _QUANTILES = (0.98, 0.9, 0.7)  # of the block powers: the knees before that of the noise
+_PROMISING = 0.1  # of what the rigid machine costs above the noise, that the first knee must gain
 _KEPT = 3  # places that are followed at the widest knee, one less at each one after it
 _LEAST_LEFT = 0.05  # of the viscous friction that stays with the motor
 
@@ -69,7 +70,8 @@ def searched(
     rounds: int,
     width: float,
     knees: Sequence[float] = (1.0,),
-) -> Float[Array, " q"]:
+    rigid: Float[Array, " q"] | None = None,
+) -> Float[Array, " q"] | None:
     """The best of `starts`, moved where the misfit of the fitted recordings is least.
 
     **Arguments:**
@@ -79,6 +81,9 @@ def searched(
     - `rounds`: of as many draws as are simulated side by side, at each knee.
     - `width`: of the first circle, in logarithms.
     - `knees`: powers of a block, in units of the noise, beyond which the cost is a logarithm, in turn.
+    - `rigid`: a model without a gap, to be given up for something better.
+
+    **Returns:** a vector of shape `(q,)`; None where after the first knee nothing was clearly better than `rigid`.
     """
     rng, fitted = np.random.default_rng(20021), np.asarray(joint.fitted)
 
@@ -101,6 +106,11 @@ def searched(
             else:
                 widths[place] *= _NARROWER
         width *= _NARROWED
+        if number == 0 and rigid is not None:
+            known = cost(joint.powers([rigid])[0], knee)
+            at_noise = 0.5 * np.log((1.0 + knee) / (2.0 * knee))
+            if min(cost(power, knee) for power in powers) > known - _PROMISING * (known - at_noise):
+                return None
     return jnp.asarray(vectors[int(np.argmin([cost(power, knees[-1]) for power in powers]))])
 
 
