@@ -59,7 +59,7 @@ def coupled_starts(joint: Joint, vector: Float[Array, " q"], deflection: float) 
 def wide_knees(joint: Joint, vector: Float[Array, " q"]) -> tuple[float, ...]:
     """Knees for a search from far off, from the powers of the blocks that `vector` leaves down to the noise."""
     scored = (np.asarray(joint.fitted)[:, None] > 0) & (np.asarray(joint.batch.block_count) > 0)
-    power = np.nan_to_num(joint.powers([vector])[0][scored], nan=np.inf)
+    power = np.nan_to_num(joint.powers([vector])[0][scored], nan=1e30, posinf=1e30)
     return (*(max(float(knee), 1.0) for knee in np.quantile(power, _QUANTILES)), 1.0)
 
 
