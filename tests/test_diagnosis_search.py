@@ -85,6 +85,23 @@ def test_a_search_finds_what_predicts_as_well_as_the_truth(behind_a_gap):
     assert 0.4 < 2.0 * float(side.half_gap) / TRUE["gap"] < 2.5
 
 
+def test_a_search_is_given_up_where_no_gap_helps(behind_a_gap):
+    """A load that only pushes is no gap; and what a gap leaves is not given up."""
+    _, _, joint, vector = behind_a_gap
+    options = {"rounds": 6, "width": 0.5, "rigid": vector}
+    starts = coupled_starts(joint, vector, DEFLECTION)
+    assert searched(joint, starts, knees=wide_knees(joint, vector), **options) is not None
+    pushed = PLANT.with_effects(effect("ConstantLoad", load=0.1 * float(PLANT.friction.Fc)))
+    batch = make_batch(experiment(drive=pushed), encoder_step=FINE)
+    other, begin = make_joint(PLANT, batch, np.zeros(4, bool))
+    fitted = descend(other, begin)
+    assert fitted.misfit > 0.1
+    other, vector = extend(other, fitted.vector, effect("Backlash"), plant_scales(PLANT, batch))
+    options["rigid"] = vector
+    starts = coupled_starts(other, vector, DEFLECTION)
+    assert searched(other, starts, knees=wide_knees(other, vector), **options) is None
+
+
 def test_runs_with_a_gap_part_by_more_than_the_force_that_sets_them_apart(behind_a_gap):
     """By the median block, where the force shows: a rigid machine answers to it linearly."""
     rigid, start, joint, vector = behind_a_gap

@@ -28,9 +28,10 @@ class Credibility(NamedTuple):
     """How the prediction errors of a fitted model compare with those of no model, on the recordings that it was fitted
     to.
 
-    **Attributes:** `energy` (part of the energy of the errors of no model, above the noise, that the model removes;
-    below 0 when it errs more), `lead` (how much likelier it is in the mean over clusters of 0.5 s, in standard errors
-    of that mean), `failed` (numbers of the recordings that it makes worse in both ways).
+    **Attributes:** `energy` (part of the energy of the errors of no model, above the noise and in blocks that stand
+    out of it, that the model removes; below 0 when it errs more), `lead` (how much likelier it is in the mean over
+    clusters of 0.5 s, in standard errors of that mean), `failed` (numbers of the recordings that it makes worse in both
+    ways).
     """
 
     energy: float

@@ -63,13 +63,10 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
         return Answer(whole, noise, noise * whole, 0.0 * noise)
     assert isinstance(batch, Batch)
-    size = _SMALL * float(drive.friction.Fc) / float(drive.motor_constant)
     plain = joint.errors([vector])[0]
     draws = []
     for _ in range(_DRAWS):
-        shaken = batch.u + size * jnp.asarray(rng.standard_normal(batch.u.shape))
-        other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
-        change = np.nan_to_num(np.asarray(other.errors([vector])[0] - plain) / _SMALL)
+        change = _parted(joint, vector, plain, _SMALL, rng) / _SMALL
         noise = _noise_alone(joint, rng)
         products = (noise**2, change**2, noise * change)
         draws.append([np.asarray(batch.block_mean(jnp.asarray(product))) for product in products])
@@ -88,18 +85,27 @@ def scatter(joint: Joint, vector: Float[Array, " q"], size: float) -> Float[np.n
     A machine whose contacts are chaotic leaves that much even before the perfect model of it, which is told neither the
     force nor where in its gap the load begins.
     """
-    batch, drive = joint.batch, joint.drive(vector)
-    assert isinstance(batch, Batch)
-    rng = np.random.default_rng(20020302)
-    force = size * float(drive.friction.Fc) / float(drive.motor_constant)
-    plain, powers = joint.errors([vector])[0], []
-    for _ in range(_DRAWS):
-        shaken = batch.u + force * jnp.asarray(rng.standard_normal(batch.u.shape))
-        other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
-        parted = jnp.nan_to_num(other.errors([vector])[0] - plain)
-        powers.append(np.asarray(batch.block_mean(parted**2)))
+    rng, plain = np.random.default_rng(20020302), joint.errors([vector])[0]
+    parted = [_parted(joint, vector, plain, size, rng) for _ in range(_DRAWS)]
+    powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in parted]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
+
+
+def _parted(
+    joint: Joint,
+    vector: Float[Array, " q"],
+    plain: Float[Array, "r n"],
+    size: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "r n"]:
+    """What a white force of the `size` (over Fc), held over each sample, changes in the innovations `plain`."""
+    batch, drive = joint.batch, joint.drive(vector)
+    assert isinstance(batch, Batch)
+    force = size * float(drive.friction.Fc) / float(drive.motor_constant)
+    shaken = batch.u + force * jnp.asarray(rng.standard_normal(batch.u.shape))
+    other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
+    return np.nan_to_num(np.asarray(other.errors([vector])[0] - plain))
 
 
 def _noise_alone(joint: Joint, rng: np.random.Generator) -> Float[np.ndarray, "r n"]:

@@ -185,15 +185,14 @@ def refit_all(
     def begin(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         alone = vector
-        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
-        vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
+        vector = _placed(joint, vector, trial.vector)
         if graduate:
             return joint, lowest(joint, [vector, *other_starts(joint, vector)])
         found = first_steps(joint, [vector])
         if not found.misfit > max(_FAR, _ALREADY * present):
             return joint, found
         # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
-        own = slice(len(model.joint.layout), count)
+        own = slice(len(model.joint.layout), len(joint.layout))
         hangs = isinstance(trial.form, AbstractLoadEffect)
         starts = [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
         other = first_steps(joint, [alone.at[own].set(trial.vector[own]), *starts])
@@ -250,9 +249,7 @@ def refit_all(
 
     def along_the_valley(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
-        vector = vector.at[:count].set(trial.valley[:count]).at[count + rows].set(trial.valley[count:])
-        return joint, descend(joint, vector, steps=_FIRST, tolerance=0.03)
+        return joint, descend(joint, _placed(joint, vector, trial.valley), steps=_FIRST, tolerance=0.03)
 
     def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
@@ -295,6 +292,12 @@ def refit_all(
         if gain > _NEAR * gains.max() and (form not in better or gain > better[form][0]):
             better[form] = gain, trial, end
     return list(executor.map(finish, [(trial, end) for _, trial, end in better.values()]))
+
+
+def _placed(joint: Joint, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:
+    """`vector` with what a test told: parameters, and the starting deflections of the fitted recordings."""
+    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+    return vector.at[:count].set(told[:count]).at[count + rows].set(told[count:])
 
 
 def is_chaotic(model: Model) -> bool:

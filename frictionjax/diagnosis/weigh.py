@@ -124,16 +124,19 @@ def weigh(
     # Errors that do not count in the fits do not count here either.
     floor = np.maximum(floor, model.joint.batch.eased[:, None])
     compared, ranked = _ranked(model, refits, floor)
+    raised = floor
     if is_chaotic(model) and before is not None:
-        floor = np.maximum(floor, before.floor)
+        raised = np.maximum(floor, before.floor)
     elif not is_chaotic(model) and ranked and is_chaotic(ranked[0].model):
         best = compared[id(ranked[0])]
         # One that explains too little must not excuse itself.
         if min(best.share_fit, best.share_holdout) > LEAST_SHARE:
             found = ranked[0].model
             own = scatter(found.joint, found.fitted.vector, force)
-            floor = _excused(model.judgement, floor, quiet + own)
-    compared, ranked = _ranked(model, refits, floor)
+            raised = _excused(model.judgement, floor, quiet + own)
+    if raised is not floor:
+        floor = raised
+        compared, ranked = _ranked(model, refits, floor)
     p_values = effect_p_values(trials)
 
     # What another candidate explains far better is not named, even if that one is refused.
