@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
-from helpers_plants import effect
+from helpers_selection import LAG, LOAD, SILENT, a_round, converged, pushes, with_effect, world
 
 from frictionjax.core import silent
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.floor import answer_to_force
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, judge
-from frictionjax.diagnosis.refit import Model, Refitted, compare
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT
+from frictionjax.diagnosis.refit import Refitted, compare
 from frictionjax.diagnosis.review import (
     nearly_all,
     only_what_ends_it,
@@ -24,66 +24,21 @@ from frictionjax.diagnosis.review import (
     with_some,
 )
 from frictionjax.diagnosis.select import select, together
-from frictionjax.diagnosis.weigh import Step
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
-from frictionjax.estimation.robust_fit import descend
-from frictionjax.estimation.scales import plant_scales
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.physics import Drive, catalogue
-
-HELD_OUT = np.array([False, False, True, True])
-LOAD, LAG = effect("ConstantLoad", load=0.007), effect("DriveLag", time_constant=3e-5)
-SILENT = {"load": LOAD.silenced(), "lag": LAG.silenced()}
-
-
-def _world(*effects):
-    """The base model and the plant's sizes, from noise in stick and moves of a plant with `effects`."""
-    drive = PLANT.with_effects(*effects)
-    recordings = []
-    for seed in (1, 3):
-        role = "fit" if seed == 1 else "holdout"
-        recordings.append(open_loop("stick", stick_noise(1.2, seed=seed), seed=seed, drive=drive, role=role))
-        recordings.append(open_loop("moves", _pushes(seed), seed=seed + 1, drive=drive, role=role))
-    batch = make_batch(tuple(recordings), encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, HELD_OUT)
-    return _converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector), plant_scales(PLANT, batch)
-
-
-def _pushes(seed):
-    """Torque that drives the plant to and fro through break-away."""
-    t = np.arange(8000) / 2000.0
-    return 1.6 * np.sin(2 * np.pi * (2.0 + 0.3 * seed) * t) + 0.4 * np.sin(2 * np.pi * 7.0 * t)
-
-
-def _converged(joint, vector):
-    fitted = descend(joint, vector, graduate=False)
-    return Model(joint, fitted, judge(joint, fitted))
-
-
-def _with(model, name, scales):
-    return _converged(*extend(model.joint, model.fitted.vector, SILENT[name], scales))
-
-
-def _step(before, after, name, p_value=1e-9):
-    """A round that tried one effect and accepted it."""
-    form = SILENT[name]
-    trial = SimpleNamespace(effect=form.name, form=form, p_value=p_value)
-    refitted = Refitted(trial, after)
-    floor = np.ones_like(before.judgement.power)
-    compared = compare(before.judgement, after.judgement, floor)
-    return Step(before, [trial], [refitted], [compared], floor, 0.0, refitted, ())
 
 
 @pytest.fixture(scope="module")
 def two():
     """A plant with a load and a lag of the drive, the base model, and its sizes."""
-    return _world(LOAD, LAG)
+    return world(LOAD, LAG)
 
 
 @pytest.fixture(scope="module")
 def one():
     """A plant with a lag of the drive alone."""
-    return _world(LAG)
+    return world(LAG)
 
 
 @pytest.mark.parametrize("effects", [(), (LAG,)])
@@ -93,13 +48,13 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     drive = PLANT.with_effects(*effects)
     recordings = (
         open_loop("stick", stick_noise(1.2, seed=1), seed=1, drive=drive),
-        open_loop("moves", _pushes(1), seed=2, drive=drive, role="holdout"),
+        open_loop("moves", pushes(1), seed=2, drive=drive, role="holdout"),
     )
     batch = make_batch(recordings, encoder_step=FINE)
     friction = dataclasses.replace(PLANT.friction, Fc=1.05 * PLANT.friction.Fc, Fs=1.05 * PLANT.friction.Fs)
     wrong = Drive(PLANT.J, friction, PLANT.motor_constant)
     joint, vector = make_joint(wrong, batch, np.array([False, True]))
-    model = _converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
+    model = converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
     floor = np.ones_like(model.judgement.power)
     assert not model.judgement.within(floor, ADEQUATE_MISFIT)[1]
     assert together(model, floor) == (not effects)
@@ -107,8 +62,8 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
 
 def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     base, scales = two
-    alone = _with(base, "lag", scales)
-    full = _with(_with(base, "load", scales), "lag", scales)
+    alone = with_effect(base, "lag", scales)
+    full = with_effect(with_effect(base, "load", scales), "lag", scales)
     rest = with_some(base, full, [1], scales)
     assert [type(e).__name__ for e in rest.joint.setting.drive.effects] == ["DriveLag"]
     assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-3)
@@ -118,9 +73,9 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
 
 def test_both_effects_that_are_there_stay(two):
     base, scales = two
-    first = _with(base, "load", scales)
-    second = _with(first, "lag", scales)
-    steps = [_step(base, first, "load"), _step(first, second, "lag")]
+    first = with_effect(base, "load", scales)
+    second = with_effect(first, "lag", scales)
+    steps = [a_round(base, first, "load"), a_round(first, second, "lag")]
     assert max(second.judgement.misfits(steps[-1].floor)) < ADEQUATE_MISFIT
     assert superfluous(steps, scales) is None
     assert reviewed(steps, scales, answer_to_force(base.joint, base.fitted.vector)) is steps
@@ -130,9 +85,9 @@ def test_both_effects_that_are_there_stay(two):
 def test_an_effect_that_is_not_there_goes(one):
     """Accepted before the true one, it is not needed beside it."""
     base, scales = one
-    first = _with(base, "load", scales)
-    second = _with(first, "lag", scales)
-    steps = [_step(base, first, "load"), _step(first, second, "lag")]
+    first = with_effect(base, "load", scales)
+    second = with_effect(first, "lag", scales)
+    steps = [a_round(base, first, "load"), a_round(first, second, "lag")]
     found = superfluous(steps, scales)
     assert found is not None
     assert found[0] == 0
@@ -146,7 +101,7 @@ def test_an_effect_that_is_not_there_goes(one):
 def test_after_nearly_all_only_what_ends_it_is_named(two):
     """A round beyond nearly all: what explains 90 % of the rest stays, what explains two thirds of it goes."""
     base, scales = two
-    step = _step(base, _with(base, "load", scales), "load")
+    step = a_round(base, with_effect(base, "load", scales), "load")
     for share, stays in ((0.9, True), (0.65, False)):
         own = dataclasses.replace(step.compared[0], share_fit=0.95, share_holdout=share)
         found = only_what_ends_it(dataclasses.replace(step, compared=[own]))
@@ -158,8 +113,8 @@ def test_after_nearly_all_only_what_ends_it_is_named(two):
 
 def test_what_leads_is_tried_with_another_although_it_explains_too_little(two):
     base, scales = two
-    first = _with(base, "load", scales)
-    step = _step(base, first, "load")
+    first = with_effect(base, "load", scales)
+    step = a_round(base, first, "load")
     refused = dataclasses.replace(step, accepted=None)
     begun = tentative(refused)
     assert begun is not None

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Progress
+from frictionjax.diagnosis.exchange import exchanged
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
@@ -155,6 +156,12 @@ def select(
         refits[: len(close)] = executor.map(polish, close)
         return settled(weigh(model, trials, refits, answer, before))
 
+    def again(model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
+        tried = try_catalogue(model, scales, executor, without | (frozenset(catalogue()) - names), pair)
+        trials = [trial for some in tried for trial in some]
+        chosen = _worth_refitting(model, tried, barred, 3)
+        return trials, refit_all(chosen, model, scales, executor, pair)
+
     first = one_round(model, 0)
     own = first.before.judgement.within(first.floor, ADEQUATE_MISFIT)
     if own == (True, False) and together(first.before, first.floor):
@@ -172,7 +179,7 @@ def select(
         both = reviewed([begun, second], scales, answer)
         if both[-1].accepted is None or (len(both) > 1 and not nearly_all(both)):
             return steps
-        steps = both
+        steps = exchanged(both, scales, answer, again)
     for number in range(len(steps), _ROUNDS):
         last = steps[-1].accepted
         assert last is not None
@@ -188,6 +195,7 @@ def select(
         fewer = reviewed(steps, scales, answer)
         if len(fewer) < len(steps):
             return fewer
+        steps = exchanged(steps, scales, answer, again)
     return steps
 
 
