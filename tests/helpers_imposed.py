@@ -38,11 +38,13 @@ def reference(
     shape=lambda x, v: 1.0,
     hardening=0.0,
     creep=(0.0, 1.0),
+    slips_with="w",
     slip=lambda bend, direction: bend,
     state=(0.0, lambda v, h, bend: 0.0, lambda v, h, level: level),
 ):
     """Friction force and deflection at the instants `t`, the equations written out again; both sides of a corner.
 
+    `slips_with`: the velocity with which the bristle slips, that which it sees, "w", or that of the machine, "v".
     `state`: the first value of a state, its rate (`bend`: force of the bristle over the level without it), and the
     level that it makes of the level.
     """
@@ -58,7 +60,7 @@ def reference(
         spring = s0 * z * (1.0 + hardening * (s0 * z / fs) ** 2)
         crept_rate = (compliance * spring / s0 - crept) / lag
         seen = v - crept_rate
-        rate = seen - abs(seen) * slip(spring / level, 1.0 if v >= 0.0 else -1.0)
+        rate = seen - abs(v if slips_with == "v" else seen) * slip(spring / level, 1.0 if v >= 0.0 else -1.0)
         return spring + s1 * rate + s2 * v, np.array(
             [rate / unit, crept_rate / unit, state_rate(v, y[2], spring / plain)]
         )

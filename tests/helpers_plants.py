@@ -84,6 +84,7 @@ LARGE = {
     "Backlash": (0.3,),
     "ConstantLoad": (0.2,),
     "Creep": (2.5,),
+    "CreepingSlip": (2.0,),
     "LogarithmicCreep": (0.5,),
     "TwoStageCreep": (1.0,),
     "Delay": (0.7e-3,),

@@ -149,6 +149,7 @@ SLIDING = {
         {"blend": 1.0},
         lambda x, v: np.sign(v) * (FC + (FS - FC) / (1.0 + (v / VS) ** 2)) + S2 * v,
     ),
+    "CreepingSlip": ({"compliance": 0.1}, _steady()),
     "LogarithmicCreep": ({"compliance": 0.1}, _steady()),
     "TwoStageCreep": ({"compliance": 0.1}, _steady()),
     "ElastoPlastic": ({"plasticity": 0.7}, _steady()),
@@ -249,6 +250,27 @@ def test_creep_goes_on_under_a_constant_force_and_ends():
         x[40 + 20] / elastic - 1.0
     )  # one time constant after the elastic response, which takes some 10 ms
     assert at_one == pytest.approx(0.3 * (1.0 - np.exp(-(60 - 10) / 40)), rel=0.1)
+
+
+def test_near_break_away_a_creeping_slip_goes_further():
+    """Slow ramps to 90 % of break-away, long against the time constant, where x_c = compliance F_z/sigma0. With
+    b = F_z/Fs, dx/dF_z = (1/(1 - b) + compliance)/sigma0 where creep is beside the contact, and
+    (1 + compliance)/(sigma0 (1 - b)) where the bristle slips with it."""
+    force = np.linspace(0.0, 1.35, 8000)
+    elastic, plastic = 1.35 / 1e5, -1.5 * np.log(1.0 - 0.9) / 1e5
+    ends = {
+        form: float(
+            simulate(
+                TABLE_I.with_effects(effect(form, compliance=0.4, time_constant=0.02)),
+                force,
+                2000.0,
+                substeps=4,
+            ).x[-1]
+        )
+        for form in ("Creep", "CreepingSlip")
+    }
+    assert ends["Creep"] == pytest.approx(plastic + 0.4 * elastic, rel=0.01)
+    assert ends["CreepingSlip"] == pytest.approx(1.4 * plastic, rel=0.01)
 
 
 def test_two_stages_of_creep_are_two_creeps():

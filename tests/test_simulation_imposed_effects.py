@@ -40,6 +40,10 @@ EFFECTS = {
     ),
     "NonlinearBristle": ({"hardening": 0.8}, {"hardening": 0.8}),
     "Creep": ({"compliance": 0.4, "time_constant": 0.05}, {"creep": (0.4, 0.05)}),
+    "CreepingSlip": (
+        {"compliance": 0.4, "time_constant": 0.05},
+        {"creep": (0.4, 0.05), "slips_with": "v"},
+    ),
     "StribeckShape": (
         {"exponent_change": -1.0},
         {

@@ -42,6 +42,7 @@ class Bristles(eqx.Module):
     def rate(
         self,
         v: Float[Array, ""],
+        fast: Float[Array, ""],
         bend: Float[Array, "..."],
         stick: Float[Array, " n"] | Float[Array, ""],
     ) -> Float[Array, " n"]:
@@ -53,10 +54,11 @@ class Bristles(eqx.Module):
         **Arguments:**
 
         - `v`: velocity that the bristles see, position/s.
+        - `fast`: velocity with which LuGre's slips, position/s: the same but where something in series creeps.
         - `bend`: force of LuGre's bristle over the friction level G, sigma0 z/G; scalar, or one per element.
         - `stick`: velocity of the elasto-slip elements, or its mean over a step in which they yield, position/s.
         """
-        return jnp.where(self.lugre, v - jnp.abs(v) * bend, stick)
+        return jnp.where(self.lugre, v - jnp.abs(fast) * bend, stick)
 
 
 def bristles_of(effects: tuple[AbstractEffect, ...]) -> Bristles:

@@ -151,7 +151,7 @@ class Drive(eqx.Module):
 
     def slip(self, bend: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
         """What LuGre's bristle loses of its velocity, over |v|: its force over the level, `bend`, and what effects make
-        of that at velocity `v`."""
+        of that where it slips with `v`."""
         for effect in self.effects:
             if isinstance(effect, AbstractSlipEffect):
                 bend = effect.slip(bend, sign(v))
@@ -171,6 +171,14 @@ class Drive(eqx.Module):
         for effect, own in self._own(now):
             if isinstance(effect, AbstractCreepEffect):
                 speed = speed - effect.bristle_speed(self.friction, own)
+        return speed
+
+    def slip_speed(self, now: Now) -> Float[Array, ""]:
+        """Velocity with which LuGre's bristle slips, position/s, for what is `now`."""
+        speed = now.v
+        for effect, own in self._own(now):
+            if isinstance(effect, AbstractCreepEffect):
+                speed = speed - effect.slip_speed(self.friction, own)
         return speed
 
     def relaxation(self, now: Now) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
@@ -248,7 +256,7 @@ class Drive(eqx.Module):
         limit = bristles.limit(level, sigma0)
         z = bristles.within(z, limit)
         now = self.instant(x, v, push, self.spring_force(z[0]), hidden)
-        w = self.bristle_speed(now)
-        slip = self.slip(now.spring / level, w)
-        rate = bristles.rate(w, slip, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
+        w, fast = self.bristle_speed(now), self.slip_speed(now)
+        slip = self.slip(now.spring / level, fast)
+        rate = bristles.rate(w, fast, slip, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
         return self.opposing_force(bristles, now, z, rate), rate

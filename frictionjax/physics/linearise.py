@@ -70,7 +70,7 @@ def _linearize(drive, x, z):
             sigma0 = drive.friction.sigma0
             sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)
             bend = drive.slip(drive.spring_force(elements[0]) / level, direction * jnp.ones(()))
-            slip = bristles.rate(direction * jnp.ones(()), bend, sticks)
+            slip = bristles.rate(direction * jnp.ones(()), direction * jnp.ones(()), bend, sticks)
             rate = speed * direction * slip
             now = drive.instant(position, direction * 1e-300 + speed, 0.0, drive.spring_force(elements[0]))
             force = drive.opposing_force(bristles, now, elements, rate)

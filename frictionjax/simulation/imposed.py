@@ -115,8 +115,10 @@ def _relaxed(z, y0, y1, a):
     return z + gone * (y0 - z) + late * (y1 - y0)
 
 
-def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step):
-    """Deflections after the bristles went the `way`, position units."""
+def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped=0.0):
+    """Deflections after the bristles went the `way`, position units, and a piece more in which LuGre's does not slip,
+    `unslipped`: half of it before, half of it after."""
+    z = jnp.concatenate([z[:1] + 0.5 * unslipped, z[1:]])
     y0, y1 = sign(way) * step.slips
     length = jnp.abs(way) * jnp.mean(1.0 / step.level)
     if not _has_spring_effects(drive) and not drive.has_slip_effects:
@@ -126,10 +128,11 @@ def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step):
         guess = _relaxed(z[0], y0, y1, stiffness * length)
         stiffness = 0.5 * (stiffness + _secant(drive, guess, y1, step.level[1]))
         first = _relaxed(z[0], y0, y1, stiffness * length)
+    first = first + 0.5 * unslipped
     if z.shape[-1] == 1:
         return first[None]
     limit = step.level[1] * bristles.slack[1:] / drive.friction.sigma0
-    return jnp.concatenate([first[None], bristles.cut(z[1:] + way, limit)])
+    return jnp.concatenate([first[None], bristles.cut(z[1:] + way + unslipped, limit)])
 
 
 def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
@@ -188,24 +191,27 @@ def run_imposed(
         return step._replace(level=level, slips=_slips_at(drive, level))
 
     def motion(step: _Step, end: int, z, hidden):
-        """Velocity of the bristles at one `end`, and how the states of effects relax there."""
+        """At one `end`: velocity with which LuGre's bristle slips, what all of them see more, and how the states of
+        effects relax."""
         now = drive.instant(step.x[end], step.v[end], 0.0, drive.spring_force(z[0]), hidden)
-        return drive.bristle_speed(now), drive.relaxation(now)
+        fast = drive.slip_speed(now)
+        return fast, drive.bristle_speed(now) - fast, drive.relaxation(now)
 
     def advance(state, step: _Step):
         z, hidden = state
         h, (v0, v1) = step.h, step.v
         if not drive.state_count:
             return (_bent(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
-        w0, flow = motion(step, 0, z, hidden)
+        fast0, more0, flow = motion(step, 0, z, hidden)
         ahead = relaxed(hidden, *flow, h)
         step = levelled(step, [(z, hidden), (z, ahead)])
-        guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * w0 - v0 + v1), step)
-        w1, flow1 = motion(step, 1, guess, ahead)
+        guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * fast0 - v0 + v1), step, h * more0)
+        fast1, more1, flow1 = motion(step, 1, guess, ahead)
         source, rate = (0.5 * (one + other) for one, other in zip(flow, flow1, strict=True))
         later = relaxed(hidden, source, rate, h)
         step = levelled(step, [(z, hidden), (guess, later)])
-        return (_bent(drive, bristles, z, 0.5 * h * (w0 + w1), step), later), state
+        bent = _bent(drive, bristles, z, 0.5 * h * (fast0 + fast1), step, 0.5 * h * (more0 + more1))
+        return (bent, later), state
 
     hidden0 = drive.first_states(Before() if earlier is None else earlier)[: drive.state_count]
     first = (z0 * jnp.ones(drive.bristle_count), hidden0)

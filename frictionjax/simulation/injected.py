@@ -50,7 +50,7 @@ class Injection(
 
     **Attributes:** `against`, an opposing force; `lift`, a factor on the level G; `bend_force`, what LuGre's bristle
     carries more (force); `more_slip`, what it slips more (of |v|); `damp`, a factor on sigma1; `slow`, what the
-    bristles' velocity is less (position/s).
+    bristles' velocity is less (position/s), and `slow_slip`, what that is with which LuGre's slips.
     """
 
     against: Float[Array, "..."]
@@ -59,6 +59,7 @@ class Injection(
     more_slip: Float[Array, "..."]
     damp: Float[Array, "..."]
     slow: Float[Array, "..."]
+    slow_slip: Float[Array, "..."]
 
     states: ClassVar[int] = 0
     name: ClassVar[str] = "injection"
@@ -71,6 +72,9 @@ class Injection(
 
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         return self.slow
+
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.slow_slip
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         return self.against
@@ -101,8 +105,8 @@ class Along(eqx.Module):
     """What a model knows along one recording; arrays of shape `(n,)`, plain numbers whatever effects the model has.
 
     **Attributes:** `u` (recorded input), `push` (motor force), `x`, `v`, `z` (LuGre's bristle), `spring` (its force),
-    `level` (G), `w` (velocity that the bristles see), `lost` (what LuGre's bristle slips, of |w|), `sigma1`, and `a`,
-    the acceleration.
+    `level` (G), `w` (velocity that the bristles see), `fast` (that with which LuGre's slips), `lost` (what it
+    slips, of |fast|), `sigma1`, and `a`, the acceleration.
     """
 
     u: Float[Array, " n"]
@@ -113,6 +117,7 @@ class Along(eqx.Module):
     spring: Float[Array, " n"]
     level: Float[Array, " n"]
     w: Float[Array, " n"]
+    fast: Float[Array, " n"]
     lost: Float[Array, " n"]
     sigma1: Float[Array, " n"]
     a: Float[Array, " n"]
@@ -125,11 +130,11 @@ def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, "
     def one(state: State, u, push):
         spring = drive.spring_force(state.z[0])
         now = drive.instant(state.x, state.v, push, spring, state.hidden)
-        level, w = drive.level_at(now), drive.bristle_speed(now)
+        level, w, fast = drive.level_at(now), drive.bristle_speed(now), drive.slip_speed(now)
         opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
-        lost, a = drive.slip(spring / level, w), (push - opposing) / drive.J
+        lost, a = drive.slip(spring / level, fast), (push - opposing) / drive.J
         sigma1 = drive.sigma1(state.v) + 0.0 * state.v
-        return Along(u, push, state.x, state.v, state.z[0], spring, level, w, lost, sigma1, a)
+        return Along(u, push, state.x, state.v, state.z[0], spring, level, w, fast, lost, sigma1, a)
 
     return jax.vmap(one)(motion, u, drive.applied_force(u, dt))
 
@@ -163,7 +168,7 @@ def signals_along(
     def sample(carry, here: Along):
         hidden, plays, load = carry
         own = Now(here.x, here.v, here.push, here.spring, hidden)
-        against, lift, bend_force, more_slip, damp, slow = 0.0, 1.0, 0.0, 0.0, 1.0, 0.0
+        against, lift, bend_force, more_slip, damp, slow, slow_slip = 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
         if isinstance(effect, AbstractForceEffect):
             against = effect.force(friction, own)
         if isinstance(effect, AbstractLevelEffect):
@@ -171,16 +176,16 @@ def signals_along(
         if isinstance(effect, AbstractSpringEffect):
             bend_force = effect.spring(here.spring, friction, here.z) - here.spring
         if isinstance(effect, AbstractSlipEffect):
-            more_slip = effect.slip(here.lost, sign(here.w)) - here.lost
+            more_slip = effect.slip(here.lost, sign(here.fast)) - here.lost
         if isinstance(effect, AbstractDampingEffect):
             damp = effect.damping(friction, here.v)
         if isinstance(effect, AbstractCreepEffect):
-            slow = effect.bristle_speed(friction, own)
+            slow, slow_slip = effect.bristle_speed(friction, own), effect.slip_speed(friction, own)
         if isinstance(effect, AbstractBristleEffect):
             share, slack = effect.share_and_yield()
             limit = here.level * slack / friction.sigma0
             moved = jnp.clip(plays + here.w * dt, -limit, limit)
-            rate = here.w - jnp.abs(here.w) * here.lost
+            rate = here.w - jnp.abs(here.fast) * here.lost
             against = friction.sigma0 * jnp.sum(share * (plays - here.z))
             against = against + here.sigma1 * jnp.sum(share * ((moved - plays) / dt - rate))
             plays = moved
@@ -194,7 +199,7 @@ def signals_along(
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):
             hidden = relaxed(hidden, *effect.relax(friction, own), dt)
-        parts = (against, lift, bend_force, more_slip, damp, slow)
+        parts = (against, lift, bend_force, more_slip, damp, slow, slow_slip)
         injection = Injection(*(part + 0.0 * here.x for part in parts))
         return (hidden, plays, load), (injection, own.hidden)
 

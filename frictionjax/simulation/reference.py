@@ -40,10 +40,10 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         level = drive.level_at(now)
         # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
         gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
-        w = drive.bristle_speed(now)
-        slip = drive.slip(spring / level, w)
-        damping_rate = bristles.rate(w, slip, w * jnp.clip(gap - 1.0, 0.0, 1.0))
-        rate = bristles.rate(w, slip, w * jnp.clip(gap, -100.0, 1.0))
+        w, fast = drive.bristle_speed(now), drive.slip_speed(now)
+        slip = drive.slip(spring / level, fast)
+        damping_rate = bristles.rate(w, fast, slip, w * jnp.clip(gap - 1.0, 0.0, 1.0))
+        rate = bristles.rate(w, fast, slip, w * jnp.clip(gap, -100.0, 1.0))
         opposing = drive.opposing_force(bristles, now, z, damping_rate)
         source, forget = drive.relaxation(now)
         own = source - forget * hidden[: drive.state_count]

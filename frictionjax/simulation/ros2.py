@@ -76,20 +76,20 @@ def ros2_step(
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
 
     # What depends on the velocity, and its derivatives: one evaluation gives f and what A needs of it. States of
-    # effects relax by their own exact step: they stay outside A. The bristles see the velocity w.
+    # effects relax by their own exact step: they stay outside A. The bristles see the velocity w, and LuGre's slips
+    # with s.
     def moving(speed):
         now = drive.instant(x, speed, force, spring, state.hidden)
-        return (drive.bristle_speed(now), drive.level_at(now), drive.parallel_force(now)), drive.relaxation(
-            now
-        )
+        speeds = drive.bristle_speed(now), drive.slip_speed(now)
+        return (*speeds, drive.level_at(now), drive.parallel_force(now)), drive.relaxation(now)
 
-    (w, level, beside), (w_v, level_v, beside_v), flow = jax.jvp(
+    (w, s, level, beside), (w_v, s_v, level_v, beside_v), flow = jax.jvp(
         moving, (v,), (jnp.ones_like(v),), has_aux=True
     )
     softness = 1.0 / level
     bend = spring * softness
-    lost, lost_b = slips(bend, w)
-    rate = w - jnp.abs(w) * lost
+    lost, lost_b = slips(bend, s)
+    rate = w - jnp.abs(s) * lost
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
@@ -102,7 +102,7 @@ def ros2_step(
     # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
     ahead = v + h * (force - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
-    fast = jnp.where(turns, w + w_v * (ahead - v), w)
+    fast = jnp.where(turns, s + s_v * (ahead - v), s)
     if drive.has_force_effects:
         # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
         def beyond(speed):
@@ -113,9 +113,10 @@ def ros2_step(
     slip = jnp.abs(fast) * softness
     rate_z = -slip * slope * lost_b
     # Columns of A: v moves everything, LuGre's z moves its own rate only.
-    rate_v = w_v * (1.0 - jnp.sign(fast) * lost) + slip * bend * lost_b * jnp.where(turns, 0.0, level_v)
+    rate_v = w_v - s_v * jnp.sign(fast) * lost + slip * bend * lost_b * jnp.where(turns, 0.0, level_v)
     if not alone:
-        stuck = total(jnp.where(jnp.abs(plays + h * fast) < limit, 1.0, 0.0))
+        going = jnp.where(turns, w + w_v * (ahead - v), w)
+        stuck = total(jnp.where(jnp.abs(plays + h * going) < limit, 1.0, 0.0))
     if not exact_derivative:
         beside_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
             (beside_v, rate_v, rate_z, stuck, slope)
@@ -165,8 +166,8 @@ def ros2_step(
     spring_1 = drive.spring_force(z1)
     ahead_hidden = relaxed(hidden, flow[0], flow[1], h) if own else hidden
     now_1 = drive.instant(x1, v1, force, spring_1, ahead_hidden)
-    level_1, w1 = drive.level_at(now_1), drive.bristle_speed(now_1)
-    rate_1 = w1 - jnp.abs(w1) * drive.slip(spring_1 / level_1, w1)
+    level_1, w1, s1 = drive.level_at(now_1), drive.bristle_speed(now_1), drive.slip_speed(now_1)
+    rate_1 = w1 - jnp.abs(s1) * drive.slip(spring_1 / level_1, s1)
     limit_1 = level_1 * slack
     if not alone:
         middle = plays + h * (0.5 * (w + w1))

@@ -173,6 +173,10 @@ class AbstractCreepEffect(AbstractStateEffect):
         """Velocity that the bristles see less than the machine has, position/s, for what is `now`; `friction` gives
         scales."""
 
+    @abstractmethod
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        """The same of the velocity with which LuGre's bristle slips: |w| in (2)."""
+
 
 class AbstractBristleEffect(AbstractEffect):
     """Slot: the bristles themselves. Gives a bank of elements in place of the single bristle."""

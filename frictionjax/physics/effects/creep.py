@@ -57,6 +57,9 @@ class Creep(AbstractCreepEffect):
         source, rate = self.relax(friction, now)
         return source[0] - rate[0] * now.hidden[0]
 
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.bristle_speed(friction, now)
+
 
 class TwoStageCreep(AbstractCreepEffect):
     """Two Kelvin-Voigt elements in series with the bristle, a fast and a slow one.
@@ -95,6 +98,9 @@ class TwoStageCreep(AbstractCreepEffect):
         source, rate = self.relax(friction, now)
         return jnp.sum(source - rate * now.hidden)
 
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.bristle_speed(friction, now)
+
 
 class LogarithmicCreep(AbstractCreepEffect):
     """Kelvin-Voigt elements in series, one a decade and alike: under a constant force x_c grows with log t.
@@ -125,3 +131,6 @@ class LogarithmicCreep(AbstractCreepEffect):
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         source, rate = self.relax(friction, now)
         return jnp.sum(source - rate * now.hidden)
+
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.bristle_speed(friction, now)
