@@ -16,8 +16,8 @@ def _along(bristles, path):
     limit = bristles.limit(LEVEL, S0)
 
     def step(z, dx):
-        middle = z + 0.5 * bristles.rate(dx, S0 * z / LEVEL, dx)
-        z = bristles.within(z + bristles.rate(dx, S0 * middle / LEVEL, dx), limit)
+        middle = z + 0.5 * bristles.rate(dx, dx, S0 * z / LEVEL, dx)
+        z = bristles.within(z + bristles.rate(dx, dx, S0 * middle / LEVEL, dx), limit)
         return z, S0 * jnp.sum(bristles.share * z)
 
     force = jax.lax.scan(step, jnp.zeros_like(bristles.share), jnp.diff(path))[1]

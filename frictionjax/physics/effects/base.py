@@ -175,7 +175,8 @@ class AbstractCreepEffect(AbstractStateEffect):
 
     @abstractmethod
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        """The same of the velocity with which LuGre's bristle slips: |w| in (2)."""
+        """What LuGre's bristle slips slower than the machine moves, |w| in (2), position/s, for what is `now`; `friction`
+        gives scales."""
 
 
 class AbstractBristleEffect(AbstractEffect):
