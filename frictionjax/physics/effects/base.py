@@ -175,8 +175,8 @@ class AbstractCreepEffect(AbstractStateEffect):
 
     @abstractmethod
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        """What LuGre's bristle slips slower than the machine moves, |w| in (2), position/s, for what is `now`; `friction`
-        gives scales."""
+        """What LuGre's bristle slips slower than the machine moves (|w| in (2)), position/s, for what is `now`;
+        `friction` gives scales."""
 
 
 class AbstractBristleEffect(AbstractEffect):
