@@ -115,7 +115,7 @@ def _relaxed(z, y0, y1, a):
     return z + gone * (y0 - z) + late * (y1 - y0)
 
 
-def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped=0.0):
+def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped: Array | float = 0.0):
     """Deflections after the bristles went the `way`, position units, and a piece more in which LuGre's does not slip,
     `unslipped`: half of it before, half of it after."""
     z = jnp.concatenate([z[:1] + 0.5 * unslipped, z[1:]])
