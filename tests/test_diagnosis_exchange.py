@@ -30,6 +30,19 @@ def _again(known, asked, scales):
     return again
 
 
+def _exchanged(two, named, known):
+    """Rounds in which the effects `named` were accepted one after the other, and what exchange makes of them when it
+    can refit the `known` ones; with the names for which it asked."""
+    base, scales = two
+    steps, before = [], base
+    for key in named:
+        steps.append(a_round(before, with_effect(before, key, scales), key))
+        before = steps[-1].accepted.model
+    asked = []
+    answer = answer_to_force(base.joint, base.fitted.vector)
+    return exchanged(steps, scales, answer, _again(known, asked, scales)), asked
+
+
 def test_what_is_taken_for_an_effect():
     """Whichever of the two says so; and an effect is its own twin, for its other forms."""
     assert "constant_load" in taken_for("gravity_pendulum")
@@ -41,15 +54,9 @@ def test_what_is_taken_for_an_effect():
 
 def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
     """Beside the lag the load predicts better; the moves are long enough to tell."""
-    base, scales = two
-    first = with_effect(base, "pendulum", scales)
-    steps = [a_round(base, first, "pendulum"), a_round(first, with_effect(first, "lag", scales), "lag")]
-    asked = []
-    found = exchanged(
-        steps, scales, answer_to_force(base.joint, base.fitted.vector), _again(["load"], asked, scales)
-    )
+    found, asked = _exchanged(two, ["pendulum", "lag"], ["load"])
     assert [step.accepted.effect for step in found] == ["drive_lag", "constant_load"]
-    assert found[0].before is base
+    assert found[0].before is two[0]
     assert found[1].rivals == ()
     assert asked == [taken_for("gravity_pendulum")]
     model = found[1].accepted.model
@@ -58,12 +65,7 @@ def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
 
 def test_twins_that_the_others_do_not_separate_are_told_together(two):
     """A lag of a sixteenth of a sample is a delay of it: with the experiment's two refits in the round."""
-    base, scales = two
-    first = with_effect(base, "lag", scales)
-    steps = [a_round(base, first, "lag"), a_round(first, with_effect(first, "load", scales), "load")]
-    found = exchanged(
-        steps, scales, answer_to_force(base.joint, base.fitted.vector), _again(["delay"], [], scales)
-    )
+    found, _ = _exchanged(two, ["lag", "load"], ["delay"])
     assert found[0].accepted.effect == "constant_load"
     assert {found[1].accepted.effect, *found[1].rivals} == {"drive_lag", "delay"}
     assert {refit.effect for refit in found[1].refits} == {"drive_lag", "delay"}
@@ -72,13 +74,7 @@ def test_twins_that_the_others_do_not_separate_are_told_together(two):
 
 def test_the_true_effect_stays_beside_a_twin_that_does_worse(two):
     """A spring is no load."""
-    base, scales = two
-    first = with_effect(base, "load", scales)
-    steps = [a_round(base, first, "load"), a_round(first, with_effect(first, "lag", scales), "lag")]
-    asked = []
-    found = exchanged(
-        steps, scales, answer_to_force(base.joint, base.fitted.vector), _again(["spring"], asked, scales)
-    )
+    found, asked = _exchanged(two, ["load", "lag"], ["spring"])
     assert [step.accepted.effect for step in found] == ["constant_load", "drive_lag"]
     assert found[0].rivals == ()
     assert asked == [taken_for("constant_load")]

@@ -102,7 +102,11 @@ def ros2_step(
     # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
     ahead = v + h * (force - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
-    fast = jnp.where(turns, s + s_v * (ahead - v), s)
+
+    def faster(speed, slope):
+        return jnp.where(turns, speed + slope * (ahead - v), speed)
+
+    fast = faster(s, s_v)
     if drive.has_force_effects:
         # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
         def beyond(speed):
@@ -115,8 +119,7 @@ def ros2_step(
     # Columns of A: v moves everything, LuGre's z moves its own rate only.
     rate_v = w_v - s_v * jnp.sign(fast) * lost + slip * bend * lost_b * jnp.where(turns, 0.0, level_v)
     if not alone:
-        going = jnp.where(turns, w + w_v * (ahead - v), w)
-        stuck = total(jnp.where(jnp.abs(plays + h * going) < limit, 1.0, 0.0))
+        stuck = total(jnp.where(jnp.abs(plays + h * faster(w, w_v)) < limit, 1.0, 0.0))
     if not exact_derivative:
         beside_v, rate_v, rate_z, stuck, slope = jax.lax.stop_gradient(
             (beside_v, rate_v, rate_z, stuck, slope)

@@ -1,5 +1,6 @@
 """Presliding displacement that goes on under a constant force."""
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -23,9 +24,35 @@ _ABOUT = About(
 _STRENGTH = Parameter(
     "compliance", "1", "creep over elastic deflection", lower=0.0, upper=3.0, probes=(0.02, 0.3)
 )
+_TIME_CONSTANT = Parameter(
+    "time_constant", "s", "time constant", "log", lower=0.005, upper=30.0, grid=(0.02, 0.2, 2.0)
+)
 
 
-class Creep(AbstractCreepEffect):
+class _AbstractKelvinVoigt(AbstractCreepEffect):
+    """Kelvin-Voigt elements in series: what they creep by, the bristle does not bend."""
+
+    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        source, rate = self.relax(friction, now)
+        return jnp.sum(source - rate * now.hidden)
+
+
+class _AbstractBeside(_AbstractKelvinVoigt):
+    """Elements beside the contact: the bristle slips with what it sees itself."""
+
+    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
+        return self.bristle_speed(friction, now)
+
+
+def _one_element(
+    creep: "Creep | CreepingSlip", friction: LuGre, now: Now
+) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+    """Source and rate of an element with a time constant."""
+    source = creep.compliance * now.spring / (friction.sigma0 * creep.time_constant)
+    return source[None], jnp.broadcast_to(1.0 / creep.time_constant, (1,))
+
+
+class Creep(_AbstractBeside):
     """A Kelvin-Voigt element in series with the bristle: d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant.
 
     The bristle sees v - d x_c/dt.
@@ -43,25 +70,46 @@ class Creep(AbstractCreepEffect):
     name: ClassVar[str] = "creep"
     about: ClassVar[About] = _ABOUT
     strengths: ClassVar[tuple[Parameter, ...]] = (_STRENGTH,)
-    nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "time_constant", "s", "time constant", "log", lower=0.005, upper=30.0, grid=(0.02, 0.2, 2.0)
-        ),
-    )
+    nuisances: ClassVar[tuple[Parameter, ...]] = (_TIME_CONSTANT,)
 
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
-        source = self.compliance * now.spring / (friction.sigma0 * self.time_constant)
-        return source[None], jnp.broadcast_to(1.0 / self.time_constant, (1,))
+        return _one_element(self, friction, now)
 
-    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        source, rate = self.relax(friction, now)
-        return source[0] - rate[0] * now.hidden[0]
+
+class CreepingSlip(_AbstractKelvinVoigt):
+    """A Kelvin-Voigt element within the bristle: d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant.
+
+    LuGre's law holds for what bristle and element bend together, z + x_c: it slips with the whole velocity v, also
+    while it is the element that moves. The creep of `Creep` is beside the contact: there the bristle slips with what it
+    sees itself, v - d x_c/dt. Near break-away the two differ: here a slow load moves the machine further.
+
+    **Arguments:**
+
+    - `compliance`: final creep over the elastic deflection.
+    - `time_constant`: s.
+    """
+
+    compliance: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    time_constant: Float[Array, "..."] = eqx.field(converter=real, default=0.3)
+
+    states: ClassVar[int] = 1
+    name: ClassVar[str] = "creep"
+    about: ClassVar[About] = dataclasses.replace(
+        _ABOUT,
+        equation="d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant, dz/dt = v - d x_c/dt - |v| F_z/G",
+        source="Zener 1948 (standard linear solid), in place of the spring of Canudas de Wit et al. 1995",
+    )
+    strengths: ClassVar[tuple[Parameter, ...]] = (_STRENGTH,)
+    nuisances: ClassVar[tuple[Parameter, ...]] = (_TIME_CONSTANT,)
+
+    def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
+        return _one_element(self, friction, now)
 
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.bristle_speed(friction, now)
+        return jnp.zeros(())
 
 
-class TwoStageCreep(AbstractCreepEffect):
+class TwoStageCreep(_AbstractBeside):
     """Two Kelvin-Voigt elements in series with the bristle, a fast and a slow one.
 
     **Arguments:**
@@ -94,15 +142,8 @@ class TwoStageCreep(AbstractCreepEffect):
         part = jnp.stack([1.0 - self.slow_part, self.slow_part])
         return self.compliance * now.spring / friction.sigma0 * part * rate, rate
 
-    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        source, rate = self.relax(friction, now)
-        return jnp.sum(source - rate * now.hidden)
 
-    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.bristle_speed(friction, now)
-
-
-class LogarithmicCreep(AbstractCreepEffect):
+class LogarithmicCreep(_AbstractBeside):
     """Kelvin-Voigt elements in series, one a decade and alike: under a constant force x_c grows with log t.
 
     From `shortest` to a thousand times as long the growth per decade is `compliance` F_z/sigma0.
@@ -127,10 +168,3 @@ class LogarithmicCreep(AbstractCreepEffect):
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         rate = 1.0 / (self.shortest * 10.0 ** jnp.arange(4.0))
         return self.compliance * now.spring / friction.sigma0 * rate, rate
-
-    def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        source, rate = self.relax(friction, now)
-        return jnp.sum(source - rate * now.hidden)
-
-    def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.bristle_speed(friction, now)
