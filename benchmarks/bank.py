@@ -22,6 +22,7 @@ from frictionjax.core import keep_compiled
 from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.confidence import evidence_of
+from frictionjax.diagnosis.rejection import verdict_of
 from frictionjax.diagnosis.weigh import Step
 from frictionjax.recordings import Plant, Recording
 
@@ -144,7 +145,7 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
         "evidence": evidence_of(kept["steps"]),
         "left": left
         and {
-            "verdict": pipeline.verdict_of(left)[0],
+            "verdict": verdict_of(left)[0],
             "steps": [told(step) for step in left],
             "evidence": evidence_of(left),
         },

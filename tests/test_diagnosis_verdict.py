@@ -12,8 +12,9 @@ from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.candidates import candidates
 from frictionjax.diagnosis.confidence import BIAS, WEIGHTS, Evidence, evidence_of
-from frictionjax.diagnosis.pipeline import _missing, _unexplained, verdict_of
+from frictionjax.diagnosis.pipeline import _missing, _unexplained
 from frictionjax.diagnosis.refit import Compared
+from frictionjax.diagnosis.rejection import most_left, verdict_of
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.diagnosis.weigh import LEAST_SHARE, SIGNIFICANCE, acceptable
 from frictionjax.diagnosis.words import summary_sentence
@@ -41,12 +42,18 @@ def _judged(fit, holdout=None, chance=0.0):
     )
 
 
-def _steps(before, *after):
-    """Rounds of a selection: each accepts the next judgement, and the last one nothing."""
+def _steps(before, *after, one_law=False):
+    """Rounds of a selection: each accepts the next judgement, and the last one nothing; of what is accepted there is
+    `one_law`, or not."""
+    form = SimpleNamespace(about=SimpleNamespace(one_law=one_law))
     ends = [before, *after]
     steps = []
     for number, (one, other) in enumerate(itertools.pairwise(ends)):
-        accepted = SimpleNamespace(effect=f"effect {number}", model=SimpleNamespace(judgement=other))
+        accepted = SimpleNamespace(
+            effect=f"effect {number}",
+            model=SimpleNamespace(judgement=other),
+            trial=SimpleNamespace(form=form),
+        )
         shares = [1.0 - new / old for old, new in zip(one.misfits(FLOOR), other.misfits(FLOOR), strict=True)]
         steps.append(
             SimpleNamespace(
@@ -89,6 +96,30 @@ def test_what_explains_two_thirds_is_no_name(left, verdict):
     found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left)))
     assert found == verdict
     assert rest == (True, pytest.approx(left / 0.3))
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.027, "named"), (0.033, "unknown")])
+def test_where_there_is_one_law_a_tenth_is_something_else(left, verdict):
+    """A delay is a delay: what it leaves is not its form."""
+    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left), one_law=True))
+    assert found == verdict
+    assert rest == (True, pytest.approx(left / 0.3))
+
+
+@pytest.mark.parametrize(("one_law", "left"), [(False, 0.03), (True, 0.012)])
+def test_two_effects_must_leave_less_than_one(one_law, left):
+    """They have more ways to stand in for another."""
+    for beyond, verdict in ((0.99, "named"), (1.01, "unknown")):
+        steps = _steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.0, beyond * left), one_law=one_law)
+        assert verdict_of(steps)[0] == verdict
+
+
+def test_one_of_many_laws_among_several_allows_for_its_form():
+    """A delay beside a creep."""
+    forms = catalogue()
+    delay, creep = forms["delay"][0](), forms["creep"][0]()
+    assert most_left([delay]) < most_left([creep])
+    assert most_left([delay, creep]) == most_left([creep, creep]) > most_left([delay, delay])
 
 
 def test_two_effects_explain_together():

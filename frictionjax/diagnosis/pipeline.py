@@ -19,10 +19,11 @@ from frictionjax.diagnosis.coverage import not_testable
 from frictionjax.diagnosis.credible import credibility
 from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.imposed import idle_effects
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Scene, explained
+from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.locate import Located, locate
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
+from frictionjax.diagnosis.rejection import verdict_of
 from frictionjax.diagnosis.select import select
 from frictionjax.diagnosis.unknown import ResidualModel, residual_model
 from frictionjax.diagnosis.unscored import mistake, unscored, what_to_check
@@ -31,6 +32,7 @@ from frictionjax.diagnosis.verdict import (
     MismatchBin,
     MissingEffect,
     Unexplained,
+    Verdict,
     Verdict,
 )
 from frictionjax.diagnosis.weigh import Step, effect_p_values
@@ -41,10 +43,6 @@ from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
-# Share of the misfit, on fit and on held-out recordings, that all accepted effects together must explain for the
-# verdict `named`. What the catalogue lacks resembles something in it, and is seldom explained by more than two thirds;
-# what it holds mostly leaves a sixth or less.
-_NAMED_SHARE = 0.7
 _UNDETERMINED = (
     "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "
     "parameters predicts all of them to the noise. These recordings ask for no other physics; the fitted ones leave "
@@ -232,26 +230,6 @@ def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, fl
     if not isinstance(batch, Batch):
         axes = tuple(axis for axis in axes if axis.name != "input")
     return locate(seen, extended, axes, scene, floor)
-
-
-def verdict_of(steps: list[Step]) -> tuple[Verdict, tuple[bool, float]]:
-    """`adequate` when the base model is at the noise on fit and held-out recordings, with its parameters as they were
-    fitted or with those of all recordings together; `named` when what was accepted explains enough of the whole; else
-    `unknown`. Then whether something significant is left, and its share."""
-    accepted = [step for step in steps if step.accepted is not None]
-    first, floor = steps[0].before.judgement, steps[-1].floor
-    if not accepted:
-        if steps[0].together or all(first.within(floor, ADEQUATE_MISFIT)):
-            return "adequate", (False, 0.0)
-        return "unknown", (True, 1.0)
-    last = accepted[-1].accepted
-    assert last is not None
-    shares = explained(first, last.model.judgement, floor)
-    share = float(np.clip(1.0 - min(shares), 0.0, 1.0))
-    remains = not all(last.model.judgement.within(floor, 2.0 * ADEQUATE_MISFIT))
-    if min(shares) > _NAMED_SHARE:
-        return "named", (bool(remains), share)
-    return "unknown", (True, share)
 
 
 def _unexplained(

@@ -23,7 +23,8 @@ class About(eqx.Module):
     **Attributes:** `sentence` (what it is), `equation`, `shows` (where it shows), `confused_with` (names of
     effects with a similar fingerprint), `split_by` (the experiment that tells it from those), `source`, `needs` (what
     recordings must hold to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`, `"clock"`,
-    `"angle"`, `"motor force"`).
+    `"angle"`, `"motor force"`), `one_law` (whether its law is the same on every machine, so that under its right name
+    next to nothing is left).
     """
 
     sentence: str = eqx.field(static=True)
@@ -33,6 +34,7 @@ class About(eqx.Module):
     split_by: str = eqx.field(static=True, default="")
     source: str = eqx.field(static=True, default="")
     needs: tuple[str, ...] = eqx.field(static=True, default=())
+    one_law: bool = eqx.field(static=True, default=False)
 
 
 class Now(eqx.Module):

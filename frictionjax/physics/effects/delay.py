@@ -31,6 +31,7 @@ class Delay(AbstractInputEffect):
         shows="fast changes of the input; a phase that falls linearly with frequency",
         confused_with=("drive_lag",),
         split_by="noise or a multisine up to 0.3/delay: a delay keeps the gain, a lag lowers it",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("delay", "s", "delay", scale="dt", lower=0.0, probes=(0.1, 1.0, 3.0)),

@@ -28,6 +28,7 @@ class DriveDeadzone(AbstractInputEffect):
         shows="small inputs: presliding with a gain that falls towards small levels",
         confused_with=("nonlinear_bristle", "maxwell_slip"),
         split_by="presliding noise of several levels around a constant input",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", "{input}", "half the dead zone", scale="u", lower=0.0, probes=(0.002, 0.02, 0.1)),

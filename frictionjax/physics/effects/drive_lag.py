@@ -29,6 +29,7 @@ class DriveLag(AbstractInputEffect):
         shows="fast changes of the input; a gain that falls with frequency",
         confused_with=("delay",),
         split_by="noise or a multisine up to 0.3/time_constant: a lag lowers the gain, a delay keeps it",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("time_constant", "s", "time constant", scale="dt", lower=0.0, probes=(0.1, 1.0, 3.0)),

@@ -31,6 +31,7 @@ class GravityPendulum(AbstractForceEffect):
         confused_with=("return_spring", "constant_load", "ripple"),
         split_by="slow moves over a whole turn in both directions",
         needs=("angle",),
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "{force}", "torque a quarter turn from x = 0", scale="Fc", probes=(0.02,)),

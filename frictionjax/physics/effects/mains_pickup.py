@@ -29,6 +29,7 @@ class MainsPickup(AbstractSensorEffect):
         sentence="mains frequency in the position signal",
         equation="x + sine sin(2 pi frequency t) + cosine cos(2 pi frequency t) is measured",
         shows="a line at 50 or 60 Hz, also at rest and whatever the input",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "{position}", "sine amplitude", scale="step", probes=(1.0,)),

@@ -32,6 +32,7 @@ class QuadraticDrag(AbstractForceEffect):
         confused_with=("stribeck_shape",),
         split_by=_SPLIT,
         needs=("sliding",),
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
@@ -67,6 +68,7 @@ class CubicDrag(AbstractForceEffect):
         confused_with=("stribeck_shape",),
         split_by=_SPLIT,
         needs=("sliding",),
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(

@@ -28,6 +28,7 @@ class ReturnSpring(AbstractForceEffect):
         shows="a force that grows along the stroke, the same in both directions",
         confused_with=("constant_load", "ripple"),
         split_by="slow moves over the whole stroke in both directions",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(

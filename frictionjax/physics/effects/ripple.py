@@ -32,6 +32,7 @@ class Ripple(AbstractForceEffect):
         shows="a wave along the stroke with the same sign in both directions",
         confused_with=("position_dependence", "return_spring"),
         split_by="slow moves over several periods in both directions",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "{force}", "sine amplitude", scale="Fc", probes=(0.02,)),

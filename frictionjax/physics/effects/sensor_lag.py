@@ -32,6 +32,7 @@ class SensorLag(AbstractSensorEffect, AbstractStateEffect):
         shows="fast motion: the position seems late behind the input",
         confused_with=("delay", "drive_lag"),
         split_by="a force measured beside the position, or a closed loop: only the sensor's lag is fed back",
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("lag", "s", "time constant of the measurement", scale="dt", lower=0.0, probes=(0.1, 1.0)),
