@@ -33,7 +33,6 @@ from frictionjax.diagnosis.verdict import (
     MissingEffect,
     Unexplained,
     Verdict,
-    Verdict,
 )
 from frictionjax.diagnosis.weigh import Step, effect_p_values
 from frictionjax.diagnosis.where import strongest
