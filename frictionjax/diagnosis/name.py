@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from scipy.stats import f
 
 from frictionjax.diagnosis.present import Present, lane_powers
-from frictionjax.estimation.joint import Joint, extend, misfit_of, sum_clusters
+from frictionjax.estimation.joint import LANES, Joint, extend, misfit_of, sum_clusters
 from frictionjax.physics.effects import AbstractEffect
 
 _DAMPING = (1.0, 0.4)
@@ -73,17 +73,22 @@ def forms_to_try(
 
 
 @eqx.filter_jit
-def _against(e, columns, weight, base, block):
-    """Products of finite-step columns, shape `(k, r, n)`, with the base, with each other and with the innovations, and
-    the last for each cluster."""
-    weighted = columns * weight[None]
+def _regressed(errors, sizes, e, weighings, block):
+    """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
+    something of a small effect, and per weighing the products of their columns with the base, with each other and with
+    the innovations `e`, and the last for each cluster."""
+    changes = errors - e
+    thrown = jnp.sqrt(jnp.mean(changes**2, axis=(1, 2)))
+    # A step through a break-away event can throw the trajectory.
+    good = jnp.isfinite(thrown) & (thrown < _THROWN * jnp.sqrt(jnp.mean(e**2)))
+    columns = jnp.where(good[:, None, None], changes / sizes[:, None, None], 0.0)
     flat = columns.reshape(columns.shape[0], -1)
-    return (
-        base @ flat.T,
-        weighted.reshape(columns.shape[0], -1) @ flat.T,
-        weighted.reshape(columns.shape[0], -1) @ e.ravel(),
-        sum_clusters(weighted * e[None], block),
-    )
+    products = []
+    for weight, base in weighings:
+        weighted = columns * weight
+        rows = weighted.reshape(columns.shape[0], -1)
+        products.append((base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * e, block)))
+    return good, products
 
 
 class _Promise(NamedTuple):
@@ -127,32 +132,47 @@ def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str
     probes = [probe for instance in instances for probe in _probes(present, instance, scales)]
     if not probes:
         return []
-    stepped = [
-        (probe.joint, probe.vector.at[i].add(size))
-        for probe in probes
-        for i, size in zip(probe.where, probe.sizes, strict=True)
-    ]
-    changes = present.injected([joint for joint, _ in stepped], [v for _, v in stepped]) - present.e[None]
-    sizes = jnp.asarray([size for probe in probes for size in probe.sizes])
-    columns = changes / sizes[:, None, None]
-    thrown = np.sqrt(np.asarray(jnp.mean(changes**2, axis=(1, 2))))
-    typical = float(jnp.sqrt(jnp.mean(present.e**2)))
-    good = np.isfinite(thrown) & (thrown < _THROWN * typical)
-    # A step through a break-away event can throw the trajectory: such a column says nothing about a small effect.
-    columns = jnp.where(jnp.asarray(good)[:, None, None], columns, 0.0)
-    block = present.joint.batch.block
-    products = [
-        [np.asarray(part) for part in _against(present.e, columns, w.weight, w.base, block)]
-        for w in present.weighings
-    ]
-    promises, first = [], 0
-    for probe in probes:
-        own = slice(first, first + len(probe.where))
-        first += len(probe.where)
-        if np.all(good[own]):
-            promises.append(_promise(present, probe, [_part(product, own) for product in products]))
+    promises = []
+    for some in _side_by_side(probes):
+        joints = [probe.joint for probe in some for _ in probe.where]
+        vectors = [
+            _further(probe.vector, i, size)
+            for probe in some
+            for i, size in zip(probe.where, probe.sizes, strict=True)
+        ]
+        sizes = np.ones(LANES)
+        sizes[: len(vectors)] = [size for probe in some for size in probe.sizes]
+        weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
+        errors = present.lanes(joints, vectors)
+        good, products = _regressed(
+            errors, jnp.asarray(sizes), present.e, weighings, present.joint.batch.block
+        )
+        good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
+        first = 0
+        for probe in some:
+            own = slice(first, first + len(probe.where))
+            first += len(probe.where)
+            if np.all(good[own]):
+                promises.append(_promise(present, probe, [_part(product, own) for product in products]))
     promises.sort(key=lambda promise: -promise.linear_gain)
     return _simulated(present, promises)
+
+
+def _further(vector: Array, place: int, size: float) -> np.ndarray:
+    """The `vector` with `size` more at one place."""
+    more = np.array(vector)
+    more[place] += size
+    return more
+
+
+def _side_by_side(probes: list[_Probe]) -> list[list[_Probe]]:
+    """The `probes`, as many together as there are lanes for their steps."""
+    together: list[list[_Probe]] = [[]]
+    for probe in probes:
+        if sum(len(other.where) for other in together[-1]) + len(probe.where) > LANES:
+            together.append([])
+        together[-1].append(probe)
+    return together
 
 
 def _part(product, own: slice):
@@ -227,8 +247,9 @@ def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
     ]
     best: dict[int, tuple[float, Array]] = {}
     if chosen:
-        errors = present.injected([promises[rank].joint for rank, _ in chosen], [v for _, v in chosen])
-        powers = np.asarray(lane_powers(errors, present.joint.batch))
+        # Six at most: of each of two weighings twice two and once two.
+        errors = present.lanes([promises[rank].joint for rank, _ in chosen], [v for _, v in chosen])
+        powers = np.asarray(lane_powers(errors, present.joint.batch))[: len(chosen)]
         fitted = np.asarray(present.joint.fitted)
         for (rank, vector), power in zip(chosen, powers, strict=True):
             gain = present.misfit - misfit_of(power, fitted, present.joint.batch)

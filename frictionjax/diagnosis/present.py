@@ -43,26 +43,30 @@ class Present(eqx.Module):
     misfit: float
     motion: Along | None
 
-    def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
-        """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
-        whose signals along the observed motion are injected; shape `(k, r, n)`. Where the motion is imposed the model
-        with the effect is run as it is."""
+    def lanes(self, joints: list[Joint], vectors: list) -> Float[Array, "lanes r n"]:
+        """Standardised innovations for at most `LANES` `vectors` of this model with one more effect (`joints`, all of
+        one layout), whose signals along the observed motion are injected; the last one fills the lanes that are left.
+        Where the motion is imposed the model with the effect is run as it is."""
+        filled = [*vectors, *[vectors[-1]] * (LANES - len(vectors))]
+        joints = [*joints, *[joints[-1]] * (LANES - len(joints))]
         if self.motion is None:
-            return errors_with_effect(joints, vectors)
+            return errors_with_effect(joints, filled)
         old, more = len(self.joint.layout), len(joints[0].layout)
-        drive, batch, found = self.joint.drive(self.vector), self.joint.batch, []
-        for first in range(0, len(vectors), LANES):
-            some = list(zip(joints, vectors, strict=True))[first : first + LANES]
-            padded = some + [some[-1]] * (LANES - len(some))
-            effects = jax.tree.map(
-                lambda *leaves: jnp.stack(leaves), *(_effect_at(joint, vector) for joint, vector in padded)
-            )
-            model = (drive.friction, drive.J, drive.motor_constant)
-            signals = _signals(effects, model, self.motion, batch.dt, batch.before)
-            stack = jnp.stack([vector for _, vector in padded])
-            own = jnp.concatenate([stack[:, :old], stack[:, more:]], axis=1)
-            found.append(_injected_lanes(self.joint.layout, own, self.joint.setting, signals)[: len(some)])
-        return jnp.concatenate(found)
+        drive, batch = self.joint.drive(self.vector), self.joint.batch
+        each = [_effect_at(joint, vector) for joint, vector in zip(joints, filled, strict=True)]
+        effects = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
+        model = (drive.friction, drive.J, drive.motor_constant)
+        signals = _signals(effects, model, self.motion, batch.dt, batch.before)
+        stack = np.stack([np.asarray(vector) for vector in filled])
+        own = np.concatenate([stack[:, :old], stack[:, more:]], axis=1)
+        return _injected_lanes(
+            self.joint.layout, jnp.asarray(own), self.joint.setting, self.motion.push, signals
+        )
+
+    def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
+        """`lanes` for any number of vectors, shape `(k, r, n)`."""
+        parts = [slice(first, first + LANES) for first in range(0, len(vectors), LANES)]
+        return jnp.concatenate([self.lanes(joints[p], vectors[p])[: len(vectors[p])] for p in parts])
 
 
 def _effect_at(joint: Joint, vector) -> AbstractEffect:
@@ -107,17 +111,17 @@ def _signals(effects, model, motion, dt, before):
 
 
 @eqx.filter_jit
-def _injected_lanes(layout, vectors, setting, signals):
+def _injected_lanes(layout, vectors, setting, push, signals):
     batch, gains, count = setting.batch, setting.gains, len(layout)
 
     def lane(vector, signals):
         drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
         z0 = vector[count:] * drive.friction.Fs / drive.friction.sigma0
 
-        def one(u, x, dt, gains, start, signals):
-            return injected_innovations(drive, signals, x, dt, gains, start, substeps=batch.substeps)
+        def one(u, x, dt, gains, start, push, signals):
+            return injected_innovations(drive, signals, push, x, dt, gains, start, substeps=batch.substeps)
 
-        raw = batch.each(one, gains, z0, signals)
+        raw = batch.each(one, gains, z0, push, signals)
         return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
 
     return jax.vmap(lane)(vectors, signals)

@@ -5,11 +5,13 @@ be evaluated beforehand, along the observed motion, and injected into the model 
 order in the effect that is exact; and one compiled model serves every effect there is, and the next.
 """
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
@@ -46,20 +48,20 @@ class Injection(
     AbstractSlipEffect,
     AbstractDampingEffect,
 ):
-    """Signals in place of an effect. Scalars for one sample, shape `(n,)` for a recording.
+    """Signals in place of an effect, at one sample.
 
     **Attributes:** `against`, an opposing force; `lift`, a factor on the level G; `bend_force`, what LuGre's bristle
     carries more (force); `more_slip`, what it slips more (of |v|); `damp`, a factor on sigma1; `slow`, what the
     bristles' velocity is less (position/s), and `slow_slip`, what that is with which LuGre's slips.
     """
 
-    against: Float[Array, "..."]
-    lift: Float[Array, "..."]
-    bend_force: Float[Array, "..."]
-    more_slip: Float[Array, "..."]
-    damp: Float[Array, "..."]
-    slow: Float[Array, "..."]
-    slow_slip: Float[Array, "..."]
+    against: Float[Array, ""]
+    lift: Float[Array, ""]
+    bend_force: Float[Array, ""]
+    more_slip: Float[Array, ""]
+    damp: Float[Array, ""]
+    slow: Float[Array, ""]
+    slow_slip: Float[Array, ""]
 
     states: ClassVar[int] = 0
     name: ClassVar[str] = "injection"
@@ -92,13 +94,40 @@ class Injection(
         return self.damp
 
 
-class Signals(eqx.Module):
-    """An effect along one recording: the `injection` and the motor force as the effect makes it, `push` (force), and
-    what the sensor shows more, `shown` (position units); all of shape `(n,)`."""
+_SILENT = {
+    **{field.name: 1.0 if field.name in ("lift", "damp") else 0.0 for field in dataclasses.fields(Injection)},
+    "more_push": 0.0,
+    "more_shown": 0.0,
+}
+"""All that an effect may add to the equations, and its value where there is none: an `Injection`, and what it adds to
+the motor force (force) and to what the sensor shows (position units)."""
+_SLOTS = 3
+"""Signals that are stored of each effect, at least: one number for all, so that one compiled model serves them."""
 
-    injection: Injection
-    push: Float[Array, " n"]
-    shown: Float[Array, " n"]
+
+class Signals(eqx.Module):
+    """An effect along one recording: the signals that it has, `slots`, of shape `(n,)`; and which of the parts that
+    there are each of them is, `places`, shape `(parts, slots)`, of zeros and ones. Most effects have one."""
+
+    slots: tuple[Float[Array, " n"], ...]
+    places: Float[Array, "parts slots"]
+
+    def parts(self, here: tuple[Float[Array, ""], ...]) -> dict[str, Float[Array, ""]]:
+        """Every part by name, where the slots are `here`."""
+        more = [sum(w * value for w, value in zip(row, here, strict=True)) for row in self.places]
+        return {
+            name: jnp.asarray(silent + added)
+            for (name, silent), added in zip(_SILENT.items(), more, strict=True)
+        }
+
+
+def _signals(parts: dict[str, Float[Array, " n"]], n: int) -> Signals:
+    """Signals of shape `(n,)` by the name of the part, as what is added to that part."""
+    empty = [jnp.zeros(n)] * (_SLOTS - len(parts))
+    places = np.zeros((len(_SILENT), max(len(parts), _SLOTS)))
+    for slot, name in enumerate(parts):
+        places[list(_SILENT).index(name), slot] = 1.0
+    return Signals((*(value - _SILENT[name] for name, value in parts.items()), *empty), jnp.asarray(places))
 
 
 class Along(eqx.Module):
@@ -158,29 +187,28 @@ def signals_along(
     - `dt`: s per sample.
     - `before`: what was before the first sample.
     """
-    n = known.u.shape[0]
-    other = known.push
+    n, found = known.u.shape[0], {}
     if isinstance(effect, AbstractInputEffect):
-        other = other + motor_constant * (effect.apply(known.u, dt) - known.u)
+        found["more_push"] = motor_constant * (effect.apply(known.u, dt) - known.u)
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
     first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
 
     def sample(carry, here: Along):
         hidden, plays, load = carry
-        own = Now(here.x, here.v, here.push, here.spring, hidden)
-        against, lift, bend_force, more_slip, damp, slow, slow_slip = 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+        own, parts = Now(here.x, here.v, here.push, here.spring, hidden), {}
         if isinstance(effect, AbstractForceEffect):
-            against = effect.force(friction, own)
+            parts["against"] = effect.force(friction, own)
         if isinstance(effect, AbstractLevelEffect):
-            lift = jnp.maximum(effect.level(here.level, friction, own) / here.level, 0.05)
+            parts["lift"] = jnp.maximum(effect.level(here.level, friction, own) / here.level, 0.05)
         if isinstance(effect, AbstractSpringEffect):
-            bend_force = effect.spring(here.spring, friction, here.z) - here.spring
+            parts["bend_force"] = effect.spring(here.spring, friction, here.z) - here.spring
         if isinstance(effect, AbstractSlipEffect):
-            more_slip = effect.slip(here.lost, sign(here.fast)) - here.lost
+            parts["more_slip"] = effect.slip(here.lost, sign(here.fast)) - here.lost
         if isinstance(effect, AbstractDampingEffect):
-            damp = effect.damping(friction, here.v)
+            parts["damp"] = effect.damping(friction, here.v)
         if isinstance(effect, AbstractCreepEffect):
-            slow, slow_slip = effect.bristle_speed(friction, own), effect.slip_speed(friction, own)
+            parts["slow"] = effect.bristle_speed(friction, own)
+            parts["slow_slip"] = effect.slip_speed(friction, own)
         if isinstance(effect, AbstractBristleEffect):
             share, slack = effect.share_and_yield()
             limit = here.level * slack / friction.sigma0
@@ -188,6 +216,7 @@ def signals_along(
             rate = here.w - jnp.abs(here.fast) * here.lost
             against = friction.sigma0 * jnp.sum(share * (plays - here.z))
             against = against + here.sigma1 * jnp.sum(share * ((moved - plays) / dt - rate))
+            parts["against"] = parts.get("against", 0.0) + against
             plays = moved
         if isinstance(effect, AbstractLoadEffect):
             side = effect.load_side()
@@ -195,31 +224,32 @@ def signals_along(
             free, loss = side.drag * (here.v + load[1]), side.damping * touches
             # Damping implicit: the fastest couplings would blow up.
             faster = load[1] + dt * (a2 - free - here.a) / (1.0 + dt * loss)
-            against = against + side.ratio * inertia * ((faster - load[1]) / dt + free)
+            against = side.ratio * inertia * ((faster - load[1]) / dt + free)
+            parts["against"] = parts.get("against", 0.0) + against
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):
             hidden = relaxed(hidden, *effect.relax(friction, own), dt)
-        parts = (against, lift, bend_force, more_slip, damp, slow, slow_slip)
-        injection = Injection(*(part + 0.0 * here.x for part in parts))
-        return (hidden, plays, load), (injection, own.hidden)
+        # Also what does not depend on the sample is a signal.
+        parts = {name: part + 0.0 * here.x for name, part in parts.items()}
+        return (hidden, plays, load), (parts, own.hidden)
 
     count = effect.count if isinstance(effect, AbstractBristleEffect) else 0
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
-        _, (injection, hidden) = jax.lax.scan(sample, carry, known)
+        _, (parts, hidden) = jax.lax.scan(sample, carry, known)
     else:
         # Without memory the samples go side by side.
-        injection, hidden = jax.vmap(lambda here: sample(carry, here)[1])(known)
-    shown = jnp.zeros(n)
+        parts, hidden = jax.vmap(lambda here: sample(carry, here)[1])(known)
     if isinstance(effect, AbstractSensorEffect):
         t = jnp.arange(n, dtype=known.x.dtype) * dt
-        shown = jax.vmap(effect.seen)(known.x, t, hidden) - known.x
-    return Signals(injection, other, shown)
+        found["more_shown"] = jax.vmap(effect.seen)(known.x, t, hidden) - known.x
+    return _signals(found | parts, n)
 
 
 def injected_innovations(
     drive: Drive,
     signals: Signals,
+    force: Float[Array, " n"],
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,
@@ -231,13 +261,14 @@ def injected_innovations(
     `drive`; the other arguments as in `innovations`."""
 
     def sample(state, inputs):
-        push, measured, t, injection = inputs
-        now = drive.with_effects(injection)
+        push, measured, t, slots = inputs
+        parts = signals.parts(slots)
+        push, measured = push + parts.pop("more_push"), measured - parts.pop("more_shown")
+        now = drive.with_effects(Injection(**parts))
         bristles = now.bristles()
         innovation = measured - now.seen(state.x, t, state.hidden)
         state = corrected(now, bristles.slack, state, innovation, gains)
         return advance(now, bristles, state, push, dt, substeps, exact_derivative=False), innovation
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    inputs = (signals.push, x - signals.shown, t, signals.injection)
-    return jax.lax.scan(sample, state_at(drive, start), inputs)[1]
+    return jax.lax.scan(sample, state_at(drive, start), (force, x, t, signals.slots))[1]
