@@ -23,6 +23,7 @@ _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
 _HOPELESS = 1e-4  # linear gain per sample that is not worth a simulation
+_FAINT = 0.02  # the same, over the largest linear gain of all effects
 _NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
 
 
@@ -91,8 +92,8 @@ def _regressed(errors, sizes, e, weighings, block):
     return good, products
 
 
-class _Promise(NamedTuple):
-    """What the regression on one finite step promises."""
+class Promise(NamedTuple):
+    """What the regression on one finite step promises; `simulated` makes a `Trial` of it."""
 
     form: AbstractEffect
     joint: Joint
@@ -117,7 +118,18 @@ class _Probe(NamedTuple):
 
 
 def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Trial]:
-    """Test one form of an effect against the `present` model.
+    """Test one form of an effect against the `present` model: its `promises_of`, `simulated`."""
+    return simulated(present, promises_of(present, instances, scales))
+
+
+def worth_simulating(promised: list[list[Promise]]) -> float:
+    """Linear gain below which none of what all forms `promised` is worth a simulation. What is missing promises more
+    than it gains, and next to what promises fifty times as much it is not what is missing."""
+    return _FAINT * max((promise.linear_gain for some in promised for promise in some), default=0.0)
+
+
+def promises_of(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Promise]:
+    """What one form of an effect promises beside the `present` model, best first.
 
     **Arguments:**
 
@@ -127,11 +139,9 @@ def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str
 
     **Returns:**
 
-    One `Trial` per instance and finite step. Only the steps that promise most are simulated; the others have no gain.
+    One `Promise` per instance and finite step, unless the step threw the motion.
     """
     probes = [probe for instance in instances for probe in _probes(present, instance, scales)]
-    if not probes:
-        return []
     promises = []
     for some in _side_by_side(probes):
         joints = [probe.joint for probe in some for _ in probe.where]
@@ -154,8 +164,7 @@ def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str
             first += len(probe.where)
             if np.all(good[own]):
                 promises.append(_promise(present, probe, [_part(product, own) for product in products]))
-    promises.sort(key=lambda promise: -promise.linear_gain)
-    return _simulated(present, promises)
+    return sorted(promises, key=lambda promise: -promise.linear_gain)
 
 
 def _further(vector: Array, place: int, size: float) -> np.ndarray:
@@ -167,9 +176,9 @@ def _further(vector: Array, place: int, size: float) -> np.ndarray:
 
 def _side_by_side(probes: list[_Probe]) -> list[list[_Probe]]:
     """The `probes`, as many together as there are lanes for their steps."""
-    together: list[list[_Probe]] = [[]]
+    together: list[list[_Probe]] = []
     for probe in probes:
-        if sum(len(other.where) for other in together[-1]) + len(probe.where) > LANES:
+        if not together or sum(len(other.where) for other in together[-1]) + len(probe.where) > LANES:
             together.append([])
         together[-1].append(probe)
     return together
@@ -196,7 +205,7 @@ def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
     return [_Probe(instance, joint, vector, *step) for step in steps]
 
 
-def _promise(present: Present, probe: _Probe, products) -> _Promise:
+def _promise(present: Present, probe: _Probe, products) -> Promise:
     joint, vector, where = probe.joint, probe.vector, probe.where
     old, count, size = len(present.joint.layout), len(joint.layout), len(probe.where)
     recordings = vector.shape[0] - count
@@ -234,15 +243,16 @@ def _promise(present: Present, probe: _Probe, products) -> _Promise:
             spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
             # What does nothing to these recordings would not be seen at any size.
             spread = np.where(np.diag(own) > _NOTHING, spread, np.inf)
-    return _Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
+    return Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
 
 
-def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
-    """The trials; of the promise that comes first every candidate is simulated, of the second the undamped ones."""
+def simulated(present: Present, promises: list[Promise], least: float = 0.0) -> list[Trial]:
+    """The trials of one form's `promises`, best first. Those that come to no more than `least` are not simulated, and
+    have no gain; of the first every candidate is, of the second the undamped ones, of the others none."""
     chosen = [
         (rank, vector)
         for rank, promise in enumerate(promises[:2])
-        if promise.linear_gain > _HOPELESS
+        if promise.linear_gain > max(_HOPELESS, least)
         for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
     ]
     best: dict[int, tuple[float, Array]] = {}
@@ -261,7 +271,7 @@ def _simulated(present: Present, promises: list[_Promise]) -> list[Trial]:
     ]
 
 
-def _trial(promise: _Promise, gain: float, vector) -> Trial:
+def _trial(promise: Promise, gain: float, vector) -> Trial:
     free = [promise.joint.layout[i] for i in promise.where]
     values = np.asarray(vector)
     return Trial(

@@ -11,7 +11,7 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.exchange import exchanged
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, explained, judge
-from frictionjax.diagnosis.name import Trial, forms_to_try, try_form
+from frictionjax.diagnosis.name import Trial, forms_to_try, promises_of, simulated, worth_simulating
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
     Model,
@@ -81,7 +81,11 @@ def try_catalogue(
 
     found = []
     for seen in presents:
-        trials = executor.map(lambda form, seen=seen: try_form(seen, instances(form), scales), forms)
+        promised = list(
+            executor.map(lambda form, seen=seen: promises_of(seen, instances(form), scales), forms)
+        )
+        least = worth_simulating(promised)
+        trials = executor.map(lambda some, seen=seen, least=least: simulated(seen, some, least), promised)
         found.append([trial for some in trials for trial in some])
     return found
 
