@@ -6,6 +6,8 @@ same noise, and is so here too. Each draw gives one map; the largest statistic o
 (max-T, Westfall and Young 1993), so that the chance of a single false bin anywhere in the map is the level chosen.
 """
 
+from collections.abc import Callable, Iterable
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
@@ -106,7 +108,12 @@ def _seen(bandwidth: float, dt: float) -> _Seen:
 
 
 def chance_of(
-    tally: Tally, bands: Bands, scene: Scene, floor: Float[np.ndarray, "r n"], draws: int = DRAWS
+    tally: Tally,
+    bands: Bands,
+    scene: Scene,
+    floor: Float[np.ndarray, "r n"],
+    draws: int = DRAWS,
+    mapping: Callable[..., Iterable] = map,
 ) -> Chance:
     """Draw the maps; the same ones each time.
 
@@ -116,15 +123,17 @@ def chance_of(
     - `scene`: the recordings.
     - `floor`: power that a perfect model leaves at each sample, shape `(r, n)`.
     - `draws`: how many maps.
+    - `mapping`: as `map`; that of an executor draws side by side.
     """
-    rng = np.random.default_rng(_SEED)
-    powers, own = [], []
-    while sum(part.shape[1] for part in powers) < draws:
+
+    def some(number: int) -> tuple[np.ndarray, np.ndarray]:
+        rng = np.random.default_rng((_SEED, number))
         e = draw_innovations(scene, floor, min(_TOGETHER, draws), rng)
         power, scatter = tally.powers(tally.sums(e**2))
-        power = np.concatenate([power, bands.powers(e)])
-        powers.append(power)
-        own.append(np.concatenate([scatter, np.zeros((bands.null.size, e.shape[0]))]))
-    power, scatter = np.concatenate(powers, axis=1)[:, :draws], np.concatenate(own, axis=1)[:, :draws]
+        empty = np.zeros((bands.null.size, e.shape[0]))
+        return np.concatenate([power, bands.powers(e)]), np.concatenate([scatter, empty])
+
+    parts = list(mapping(some, range(-(-draws // min(_TOGETHER, draws)))))
+    power, scatter = (np.concatenate(part, axis=1)[:, :draws] for part in zip(*parts, strict=True))
     spread = np.std(np.log(np.maximum(power, 1e-300)), axis=1)
     return Chance(spread, np.max(statistic_of(power, scatter, spread[:, None]), axis=0))

@@ -6,6 +6,7 @@ advance: the mean of the map decides nothing, so that a mismatch that is everywh
 """
 
 import itertools
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import equinox as eqx
@@ -39,6 +40,7 @@ def locate(
     scene: Scene,
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
+    mapping: Callable[..., Iterable] = map,
 ) -> Located:
     """The map over all recordings, and where it is strongest.
 
@@ -48,12 +50,12 @@ def locate(
     - `axes`: from `axes_of`.
     - `scene`: the recordings.
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
-    - `chance`: what noise makes of this map; drawn when None.
+    - `chance`: what noise makes of this map; drawn when None, side by side with the `mapping` of an executor.
     """
     level = floor_of_samples(floor, scene)
     e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
     tally, bands = tally_of(axes, scene), bands_of(scene, level)
-    chance = chance_of(tally, bands, scene, level) if chance is None else chance
+    chance = chance_of(tally, bands, scene, level, mapping=mapping) if chance is None else chance
     sums = tally.sums(np.stack([e, after]) ** 2)
     power, own = tally.powers(sums)
     power = np.concatenate([power, bands.powers(np.stack([e, after]))])

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
-from frictionjax.diagnosis.present import Present, lane_powers
-from frictionjax.estimation.joint import LANES, Joint, extend, misfit_of, sum_clusters
+from frictionjax.diagnosis.present import BESIDE, Present, lane_powers
+from frictionjax.estimation.joint import Joint, extend, misfit_of, sum_clusters
 from frictionjax.physics.effects import AbstractEffect
 
 _DAMPING = (1.0, 0.4)
@@ -104,7 +104,7 @@ class Promise(NamedTuple):
     spread: np.ndarray
     shown: float
     absorbed: float
-    valley: Array
+    valley: np.ndarray
 
 
 class _Probe(NamedTuple):
@@ -150,7 +150,7 @@ def promises_of(present: Present, instances: list[AbstractEffect], scales: dict[
             for probe in some
             for i, size in zip(probe.where, probe.sizes, strict=True)
         ]
-        sizes = np.ones(LANES)
+        sizes = np.ones(max(len(vectors), BESIDE))
         sizes[: len(vectors)] = [size for probe in some for size in probe.sizes]
         weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
         errors = present.lanes(joints, vectors)
@@ -175,10 +175,10 @@ def _further(vector: Array, place: int, size: float) -> np.ndarray:
 
 
 def _side_by_side(probes: list[_Probe]) -> list[list[_Probe]]:
-    """The `probes`, as many together as there are lanes for their steps."""
+    """The `probes`, as many together as there are lanes for their steps; one that has more steps is alone."""
     together: list[list[_Probe]] = []
     for probe in probes:
-        if not together or sum(len(other.where) for other in together[-1]) + len(probe.where) > LANES:
+        if not together or sum(len(other.where) for other in together[-1]) + len(probe.where) > BESIDE:
             together.append([])
         together[-1].append(probe)
     return together
@@ -190,7 +190,7 @@ def _part(product, own: slice):
 
 
 def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
-    joint, vector = extend(present.joint, present.vector, instance, scales)
+    joint, vector = extend(present.joint, present.vector, instance, scales, present.drive)
     names = [strength.name for strength in instance.strengths]
     where = [
         i
@@ -206,14 +206,14 @@ def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
 
 
 def _promise(present: Present, probe: _Probe, products) -> Promise:
-    joint, vector, where = probe.joint, probe.vector, probe.where
+    joint, vector, where = probe.joint, np.asarray(probe.vector), probe.where
     old, count, size = len(present.joint.layout), len(joint.layout), len(probe.where)
     recordings = vector.shape[0] - count
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
     candidates, linear, p_value = [], 0.0, 1.0
     spread, shown, absorbed, valley = np.full(size, np.inf), 0.0, 0.0, vector
-    samples = max(float(jnp.sum(present.joint.batch.valid)), 1.0)
+    samples = max(present.samples, 1.0)
     for number, (weighing, product) in enumerate(zip(present.weighings, products, strict=True)):
         cross, own, right, clusters = product
         gram = np.block([[weighing.gram, cross], [cross.T, own + 1e-12 * np.eye(size)]])
@@ -226,14 +226,15 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
         for damping in _DAMPING:
             change = np.zeros(vector.shape[0])
             change[position] = damping * np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
-            candidates.append(vector + jnp.asarray(change))
+            candidates.append(vector + change)
         if number == 0:
             coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]
             far, undone = np.asarray(probe.sizes), np.zeros(vector.shape[0])
             shown = float(far @ own @ far) / samples
             absorbed = float(far @ cross.T @ coefficients @ far) / samples / max(shown, _NOTHING)
             undone[position[:-size]] = np.clip(coefficients @ far, -_LONGEST_STEP, _LONGEST_STEP)
-            valley = (vector - jnp.asarray(undone)).at[jnp.asarray(where)].add(jnp.asarray(far))
+            valley = vector - undone
+            valley[list(where)] += far
             projected = clusters - weighing.clusters @ coefficients
             p_value = _score_test(projected)
             if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
@@ -255,35 +256,36 @@ def simulated(present: Present, promises: list[Promise], least: float = 0.0) -> 
         if promise.linear_gain > max(_HOPELESS, least)
         for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
     ]
-    best: dict[int, tuple[float, Array]] = {}
+    best: dict[int, tuple[float, np.ndarray]] = {}
     if chosen:
-        # Six at most: of each of two weighings twice two and once two.
-        errors = present.lanes([promises[rank].joint for rank, _ in chosen], [v for _, v in chosen])
-        powers = np.asarray(lane_powers(errors, present.joint.batch))[: len(chosen)]
+        powers = []
+        for first in range(0, len(chosen), BESIDE):
+            some = chosen[first : first + BESIDE]
+            errors = present.lanes([promises[rank].joint for rank, _ in some], [v for _, v in some])
+            powers += list(np.asarray(lane_powers(errors, present.joint.batch))[: len(some)])
         fitted = np.asarray(present.joint.fitted)
         for (rank, vector), power in zip(chosen, powers, strict=True):
             gain = present.misfit - misfit_of(power, fitted, present.joint.batch)
             if rank not in best or gain > best[rank][0]:
                 best[rank] = gain, vector
     return [
-        _trial(promise, *best.get(rank, (-np.inf, promise.joint.setting.start)))
+        _trial(promise, *best.get(rank, (-np.inf, np.asarray(promise.joint.setting.start))))
         for rank, promise in enumerate(promises)
     ]
 
 
-def _trial(promise: Promise, gain: float, vector) -> Trial:
+def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
     free = [promise.joint.layout[i] for i in promise.where]
-    values = np.asarray(vector)
     return Trial(
         effect=promise.form.name,
         form=promise.form,
         joint=promise.joint,
-        vector=vector,
+        vector=jnp.asarray(vector),
         gain=gain,
         linear_gain=promise.linear_gain,
         p_value=promise.p_value,
         one_step={
-            p.parameter.name: float(np.clip(values[i] * p.scale, p.parameter.lower, p.parameter.upper))
+            p.parameter.name: float(np.clip(vector[i] * p.scale, p.parameter.lower, p.parameter.upper))
             for p, i in zip(free, promise.where, strict=True)
         },
         detectable={
@@ -291,7 +293,7 @@ def _trial(promise: Promise, gain: float, vector) -> Trial:
         },
         shown=promise.shown,
         absorbed=promise.absorbed,
-        valley=promise.valley,
+        valley=jnp.asarray(promise.valley),
     )
 
 

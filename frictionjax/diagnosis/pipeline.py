@@ -150,12 +150,13 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
             notes.append(_MISLEADING.format(residual.variable, before, after))
             residual, final, extended_view = None, last, own_view
     progress("locating", 0.95)
-    located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor)
+    told = [
+        executor.submit(told_parameters, model, units)
+        for model in ((base,) if final is base else (base, final))
+    ]
+    located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
     bins = located.bins
-    base_parameters, coarse = told_parameters(base, units)
-    extended = base_parameters
-    if final is not base:
-        extended, coarse = told_parameters(final, units)
+    (base_parameters, _), (extended, coarse) = told[0].result(), told[-1].result()
     notes += [coarse] if coarse else []
     experiments, not_designed = _experiments(steps, progress)
     notes += not_designed
@@ -222,13 +223,21 @@ class _Stages:
         return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}
 
 
-def _map(seen: View, extended: View, base: Drive, plant: Plant, scene: Scene, floor: np.ndarray) -> Located:
+def _map(
+    seen: View,
+    extended: View,
+    base: Drive,
+    plant: Plant,
+    scene: Scene,
+    floor: np.ndarray,
+    executor: Executor,
+) -> Located:
     batch = scene.batch
     inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
     axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
     if not isinstance(batch, Batch):
         axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(seen, extended, axes, scene, floor)
+    return locate(seen, extended, axes, scene, floor, mapping=executor.map)
 
 
 def _unexplained(

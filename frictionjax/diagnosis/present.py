@@ -8,13 +8,17 @@ from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.imposed import errors_with_effect
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.joint import LANES, Joint, misfit_of, sum_clusters
+from frictionjax.estimation.joint import Joint, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power
+from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import innovation_gain, observe
 from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
 from frictionjax.simulation.observer import corrected_states
+
+BESIDE = 4
+"""Vectors that are tested side by side. More of them do not fit the processor's cache, and most forms have no more."""
 
 
 class Weighing(eqx.Module):
@@ -31,28 +35,30 @@ class Weighing(eqx.Module):
 class Present(eqx.Module):
     """The model to which effects are added, before the fitted recordings alone.
 
-    **Attributes:** `joint` and `vector` (fitted), `e` (innovations, shape `(r, n)`), `weighings` (one for each knee),
-    `misfit`, `motion` (what it knows along the observed motion, arrays of shape `(r, n)`; None where the motion is
-    imposed).
+    **Attributes:** `joint`, `vector` (fitted), the `drive` that it makes, `e` (innovations, shape `(r, n)`),
+    `weighings` (one for each knee), `misfit`, `samples` (scored), `motion` (what it knows along the observed motion,
+    arrays of shape `(r, n)`; None where the motion is imposed).
     """
 
     joint: Joint
     vector: Float[Array, " q"]
+    drive: Drive
     e: Float[Array, "r n"]
     weighings: tuple[Weighing, ...]
     misfit: float
+    samples: float
     motion: Along | None
 
     def lanes(self, joints: list[Joint], vectors: list) -> Float[Array, "lanes r n"]:
-        """Standardised innovations for at most `LANES` `vectors` of this model with one more effect (`joints`, all of
-        one layout), whose signals along the observed motion are injected; the last one fills the lanes that are left.
-        Where the motion is imposed the model with the effect is run as it is."""
-        filled = [*vectors, *[vectors[-1]] * (LANES - len(vectors))]
-        joints = [*joints, *[joints[-1]] * (LANES - len(joints))]
+        """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
+        whose signals along the observed motion are injected. There are `BESIDE` lanes or more; the last of the vectors
+        fills those that are left. Where the motion is imposed the model with the effect is run as it is."""
+        filled = [*vectors, *[vectors[-1]] * (BESIDE - len(vectors))]
+        joints = [*joints, *[joints[-1]] * (BESIDE - len(joints))]
         if self.motion is None:
             return errors_with_effect(joints, filled)
         old, more = len(self.joint.layout), len(joints[0].layout)
-        drive, batch = self.joint.drive(self.vector), self.joint.batch
+        drive, batch = self.drive, self.joint.batch
         each = [_effect_at(joint, vector) for joint, vector in zip(joints, filled, strict=True)]
         effects = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
         model = (drive.friction, drive.J, drive.motor_constant)
@@ -65,7 +71,7 @@ class Present(eqx.Module):
 
     def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
         """`lanes` for any number of vectors, shape `(k, r, n)`."""
-        parts = [slice(first, first + LANES) for first in range(0, len(vectors), LANES)]
+        parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
         return jnp.concatenate([self.lanes(joints[p], vectors[p])[: len(vectors[p])] for p in parts])
 
 
@@ -155,6 +161,7 @@ def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
         weighings.append(Weighing(weight, base, *(np.asarray(part) for part in small)))
     gains, count = joint.setting.gains, len(joint.layout)
     imposed = isinstance(joint.batch, ImposedBatch)
-    motion = None if imposed else _motion(joint.drive(vector), vector[count:], joint.batch, gains)
+    drive, samples = joint.drive(vector), float(jnp.sum(joint.batch.valid))
+    motion = None if imposed else _motion(drive, vector[count:], joint.batch, gains)
     misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
-    return Present(joint, vector, e, tuple(weighings), misfit, motion)
+    return Present(joint, vector, drive, e, tuple(weighings), misfit, samples, motion)

@@ -251,7 +251,11 @@ def make_joint(
 
 
 def extend(
-    joint: Joint, vector: Float[Array, " q"], effect: AbstractEffect, scales: dict[str, float]
+    joint: Joint,
+    vector: Float[Array, " q"],
+    effect: AbstractEffect,
+    scales: dict[str, float],
+    drive: Drive | None = None,
 ) -> tuple[Joint, Float[Array, " q"]]:
     """`joint` with `effect` added, at the solution `vector`, and the vector of that.
 
@@ -263,9 +267,10 @@ def extend(
     - `joint`, `vector`: the fitted model.
     - `effect`: the effect to add, at zero strength.
     - `scales`: the plant's own sizes by name.
+    - `drive`: of the `vector`, where it is at hand.
     """
     old = len(joint.layout)
-    drive = joint.drive(vector).with_effects(effect)
+    drive = (joint.drive(vector) if drive is None else drive).with_effects(effect)
     added = effect_layout(drive, scales, first=len(drive.effects) - 1)
     start = pack(added, drive)
 

@@ -101,7 +101,7 @@ _SILENT = {
 }
 """All that an effect may add to the equations, and its value where there is none: an `Injection`, and what it adds to
 the motor force (force) and to what the sensor shows (position units)."""
-_SLOTS = 3
+_SLOTS = 2
 """Signals that are stored of each effect, at least: one number for all, so that one compiled model serves them."""
 
 
