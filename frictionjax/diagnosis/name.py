@@ -78,7 +78,7 @@ def _regressed(errors, sizes, e, weighings, block):
     """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
     something of a small effect, and per weighing the products of their columns with the base, with each other and with
     the innovations `e`, and the last for each cluster."""
-    changes = errors - e
+    changes = errors - e[None]
     thrown = jnp.sqrt(jnp.mean(changes**2, axis=(1, 2)))
     # A step through a break-away event can throw the trajectory.
     good = jnp.isfinite(thrown) & (thrown < _THROWN * jnp.sqrt(jnp.mean(e**2)))
@@ -86,9 +86,11 @@ def _regressed(errors, sizes, e, weighings, block):
     flat = columns.reshape(columns.shape[0], -1)
     products = []
     for weight, base in weighings:
-        weighted = columns * weight
+        weighted = columns * weight[None]
         rows = weighted.reshape(columns.shape[0], -1)
-        products.append((base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * e, block)))
+        products.append(
+            (base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * e[None], block))
+        )
     return good, products
 
 
