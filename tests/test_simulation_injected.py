@@ -1,5 +1,7 @@
 """Two roads to one answer: an effect as signals along the observed motion, and the effect in the structure itself."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -21,9 +23,13 @@ LOOSE = {"FrictionLag": (0.5, 0.1), "Backlash": (0.3, 0.05)}
 
 @pytest.fixture(scope="module")
 def present():
-    recordings = (
+    recordings = [
         open_loop("stick", stick_noise(2.0), seed=1),
         closed_loop("moves", moves(3.0), seed=2),
+    ]
+    # A machine that warms up by 10 K in each recording, for the effects that ask for it.
+    recordings = tuple(
+        dataclasses.replace(r, temperature=20.0 + 10.0 * np.linspace(0.0, 1.0, r.x.size)) for r in recordings
     )
     batch = make_batch(recordings, encoder_step=FINE)
     joint, vector = make_joint(PLANT, batch, np.zeros(2, bool))

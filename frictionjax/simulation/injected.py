@@ -193,8 +193,8 @@ def signals_along(
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
     first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
 
-    def sample(carry, here: Along):
-        hidden, plays, load = carry
+    def sample(carry, inputs: tuple[Along, Along]):
+        (hidden, plays, load), (here, there) = carry, inputs
         own, parts = Now(here.x, here.v, here.push, here.spring, hidden), {}
         if isinstance(effect, AbstractForceEffect):
             parts["against"] = effect.force(friction, own)
@@ -228,7 +228,11 @@ def signals_along(
             parts["against"] = parts.get("against", 0.0) + against
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):
-            hidden = relaxed(hidden, *effect.relax(friction, own), dt)
+            # Source and rate as they are in the mean over the sample, as in the model itself.
+            source, rate = effect.relax(friction, own)
+            ahead = Now(there.x, there.v, here.push, there.spring, relaxed(hidden, source, rate, dt))
+            source_1, rate_1 = effect.relax(friction, ahead)
+            hidden = relaxed(hidden, 0.5 * (source + source_1), 0.5 * (rate + rate_1), dt)
         # Also what does not depend on the sample is a signal.
         parts = {name: part + 0.0 * here.x for name, part in parts.items()}
         return (hidden, plays, load), (parts, own.hidden)
@@ -236,10 +240,11 @@ def signals_along(
     count = effect.count if isinstance(effect, AbstractBristleEffect) else 0
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
-        _, (parts, hidden) = jax.lax.scan(sample, carry, known)
+        after = jax.tree.map(lambda signal: jnp.append(signal[1:], signal[-1]), known)
+        _, (parts, hidden) = jax.lax.scan(sample, carry, (known, after))
     else:
         # Without memory the samples go side by side.
-        parts, hidden = jax.vmap(lambda here: sample(carry, here)[1])(known)
+        parts, hidden = jax.vmap(lambda here: sample(carry, (here, here))[1])(known)
     if isinstance(effect, AbstractSensorEffect):
         t = jnp.arange(n, dtype=known.x.dtype) * dt
         found["more_shown"] = jax.vmap(effect.seen)(known.x, t, hidden) - known.x
