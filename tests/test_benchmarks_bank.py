@@ -47,7 +47,7 @@ def _told(monkeypatch, capsys, *arguments):
 def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
     right = _line(1, ["constant_load"], ["constant_load"])
     away = {key: right[key] for key in ("verdict", "steps", "evidence")}
-    wrong = _line(2, ["creep"], ["ripple"], left=away)
+    wrong = _line(2, ["creep"], ["ripple"], left=away | {"evidence": [[0.95, 0.9, 0.2, 0.99]]})
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "one-1-of-2.jsonl").write_text(json.dumps(right) + "\n")
     (tmp_path / "out" / "one-2-of-2.jsonl").write_text(json.dumps(wrong) + "\n")
@@ -55,7 +55,8 @@ def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
     kept = tmp_path / "kept"
     full = _told(monkeypatch, capsys, "--out", tmp_path / "out", "--store", kept)
     assert "strong: right within class 1 of 2, named wrongly 1." in full
-    assert "creep (strong) as constant_load" in full and "nothing missing, 1: adequate 1." in full
+    assert "left out of the catalogue, 1: named 1; named: creep (strong) as constant_load." in full
+    assert "nothing missing, 1: adequate 1." in full
     assert "median error 2.00 %" in full
     assert sorted(path.name for path in kept.iterdir()) == ["none.jsonl", "one.jsonl"]
     assert "gains" not in (kept / "one.jsonl").read_text()
@@ -68,6 +69,19 @@ def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
         "creep as ripple",
         "left out: creep as constant_load",
     ]
+
+
+@pytest.mark.parametrize(
+    ("effect", "explained", "verdict"),
+    [("constant_load", 0.85, "unknown"), ("constant_load", 0.95, "named"), ("creep", 0.85, "named")],
+)
+def test_without_the_true_effect_the_limits_of_today_decide(effect, explained, verdict):
+    """Whatever the version said that made the line."""
+    line = _line(4, ["delay"], [effect])
+    left = {"verdict": "named", "steps": line["steps"], "evidence": [[explained, 0.8, 0.2, 0.99]]}
+    assert diagnosis.verdict_without(line | {"left": left}) == verdict
+    nothing = {"verdict": "adequate", "steps": line["steps"][-1:], "evidence": []}
+    assert diagnosis.verdict_without(line | {"left": nothing}) == "adequate"
 
 
 def test_no_machine_is_diagnosed_twice(tmp_path, monkeypatch):
