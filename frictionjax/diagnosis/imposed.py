@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.judge import Judgement
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.joint import LANES, Joint
+from frictionjax.estimation.joint import Joint
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import standardised
 from frictionjax.physics.effects import (
@@ -47,15 +47,10 @@ def idle_effects() -> dict[str, str]:
 def errors_with_effect(joints: list[Joint], vectors: list[Float[Array, " q"]]) -> Float[Array, "k r n"]:
     """Standardised errors of the force for each of `vectors`, of models of one layout (`joints`, which may differ in
     what is not free), shape `(k, r, n)`."""
-    found = []
-    for first in range(0, len(vectors), LANES):
-        some = list(zip(joints, vectors, strict=True))[first : first + LANES]
-        padded = some + [some[-1]] * (LANES - len(some))
-        drives = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(j.setting.drive for j, _ in padded))
-        starts = jnp.stack([joint.setting.start for joint, _ in padded])
-        stack = jnp.stack([jnp.asarray(vector) for _, vector in padded])
-        found.append(_lanes(joints[0].layout, drives, starts, stack, joints[0].setting)[: len(some)])
-    return jnp.concatenate(found)
+    drives = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(joint.setting.drive for joint in joints))
+    starts = jnp.stack([joint.setting.start for joint in joints])
+    stack = jnp.stack([jnp.asarray(vector) for vector in vectors])
+    return _lanes(joints[0].layout, drives, starts, stack, joints[0].setting)
 
 
 @eqx.filter_jit
