@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from helpers_plants import FORMS, LARGE, STAGE, TABLE_I, effect
 
-from frictionjax.simulation import innovation_gain, innovations, observe, observer_gains, simulate
+from frictionjax.simulation import (
+    innovation_gain,
+    innovations,
+    observe,
+    observer_gains,
+    residual_force,
+    simulate,
+)
 from frictionjax.simulation.observer import corrected
 from frictionjax.simulation.ros2 import State
 
@@ -107,6 +114,17 @@ def test_innovations_are_those_of_observe(sliding):
     alone = innovations(STAGE, force, noisy, DT, gains, _start(run), substeps=2)
     np.testing.assert_allclose(alone, seen.innovation, atol=1e-18)
     np.testing.assert_allclose(seen.innovation, noisy - seen.x, atol=1e-18)
+
+
+def test_the_residual_force_ends_with_the_measurement(sliding):
+    """What fills a recording up to the length of another is no motion that stopped at once."""
+    force, run = sliding
+    padded = [jnp.pad(signal, (0, 500), mode="edge") for signal in (force, run.x)]
+    short = residual_force(STAGE, force, run.x, DT, 25.0, _start(run))
+    long = residual_force(STAGE, *padded, DT, 25.0, _start(run), measured=force.size)
+    np.testing.assert_array_equal(long[: force.size], short)
+    stopped = residual_force(STAGE, *padded, DT, 25.0, _start(run))[: force.size]
+    assert np.max(np.abs(stopped - short)) > 100.0 * np.max(np.abs(short))
 
 
 def test_a_wrong_initial_velocity_is_forgotten(sliding):

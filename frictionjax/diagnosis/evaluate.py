@@ -42,18 +42,19 @@ class View(eqx.Module):
 
 @eqx.filter_jit
 def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
-    def one(u, x, dt, gains, start, x_first):
+    def one(u, x, dt, gains, start, x_first, length):
         force, before = drive.applied_force(u, dt), start[3]
         # The free run knows the first sample alone.
         steps = batch.substeps
         free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=max(steps, 2), before=before).measured
         seen = observe(drive, force, x, dt, gains, start, substeps=steps)
         ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride, substeps=steps)
-        missing = residual_force(drive, force, x, dt, bandwidth, start, substeps=steps)
+        missing = residual_force(drive, force, x, dt, bandwidth, start, substeps=steps, measured=length)
         bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
         return free, ahead, missing, seen.v, bend, seen.innovation
 
-    return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0, first)
+    deflection = deflection * drive.friction.Fs / drive.friction.sigma0
+    return batch.each(one, gains, deflection, first, jnp.asarray(batch.lengths))
 
 
 def view(judgement: Judgement, scene: Scene) -> View:

@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Drive
 from frictionjax.simulation.fixed import Start, state_at
@@ -20,11 +20,13 @@ def residual_force(
     start: Start,
     *,
     substeps: int = 1,
+    measured: Int[Array, ""] | int | None = None,
 ) -> Float[Array, " n"]:
     """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
 
     An observer with a triple pole at p = exp(-2 pi bandwidth dt) carries the missing acceleration as a state
-    (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); its lag, three poles' worth, is taken out by a shift.
+    (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); its lag, three poles' worth, is taken out by a shift. The
+    last samples, to which nothing comes that much later, keep the last value.
 
     **Arguments:**
 
@@ -35,6 +37,7 @@ def residual_force(
     - `bandwidth`: Hz; lower is smoother.
     - `start`: position, velocity and bristle deflection at the first sample.
     - `substeps`: integration steps per sample.
+    - `measured`: samples that were measured, where `x` goes on behind them; None: all.
     """
     bristles = drive.bristles()
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
@@ -43,8 +46,8 @@ def residual_force(
 
     def sample(carry, inputs):
         state, missing = carry
-        push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, t, state.hidden)
+        push, seen, t = inputs
+        innovation = seen - drive.seen(state.x, t, state.hidden)
         missing = missing + gain * innovation
         state = corrected(drive, bristles.slack, state, innovation, gains)
         return (advance(drive, bristles, state, push + drive.J * missing, dt, substeps), missing), missing
@@ -52,7 +55,8 @@ def residual_force(
     first = (state_at(drive, start), jnp.zeros_like(dt))
     missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
     lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
-    later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, x.shape[0] - 1)
+    end = x.shape[0] if measured is None else measured
+    later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, end - 1)
     return drive.J * missing[later]
 
 
