@@ -1,6 +1,7 @@
 """The program: the public verbs on files, their progress on stderr, their verdict on stdout. No maths here."""
 
 import argparse
+import gc
 import json
 import sys
 import warnings
@@ -130,6 +131,9 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
 
     configure_jax()
     keep_compiled()
+    # Tracing makes objects by the million, and most of them stay: to look for cycles among them takes a tenth of the
+    # time of a diagnosis.
+    gc.set_threshold(100_000, 50, 100)
 
     from frictionjax.core import FrictionjaxWarning, InputError
 

@@ -127,8 +127,11 @@ def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path
     assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
 
 
-def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(monkeypatch, capsys):
+@pytest.mark.parametrize("folder", ["bank", "bank_31"])
+def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(folder, monkeypatch, capsys):
     benchmarks = Path(diagnosis.__file__).parent
-    sums = _told(monkeypatch, capsys, "--out", benchmarks / "results" / "bank").partition("### in all\n")[2]
+    sums = _told(monkeypatch, capsys, "--out", benchmarks / "results" / folder).partition("### in all\n")[2]
     text = (benchmarks / "README.md").read_text(encoding="utf-8")
-    assert sums.strip() == text.partition("<!-- sums of the bank -->")[2].partition("<!-- end -->")[0].strip()
+    assert (
+        sums.strip() == text.partition(f"<!-- sums of {folder} -->")[2].partition("<!-- end -->")[0].strip()
+    )
