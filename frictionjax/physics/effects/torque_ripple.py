@@ -33,6 +33,7 @@ class TorqueRipple(AbstractForceEffect):
         confused_with=("ripple", "position_dependence", "warmup"),
         split_by="moves over several periods with different accelerations: it goes with the input, not with friction",
         needs=("motor force",),
+        one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "1", "sine part", lower=-0.9, upper=0.9, probes=(0.02,)),
