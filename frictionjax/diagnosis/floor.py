@@ -78,15 +78,17 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
     return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in capped]), noise, force, product)
 
 
-def scatter(joint: Joint, vector: Float[Array, " q"], size: float) -> Float[np.ndarray, "r b"]:
+def scatter(
+    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+) -> Float[np.ndarray, "r b"]:
     """Power of each block, shape `(r, b)`, by which two runs of the machine `vector` part under different unmeasured
-    forces of the `size` (over Fc).
+    forces of the `size` (over Fc), in the mean of `draws`.
 
     A machine whose contacts are chaotic leaves that much even before the perfect model of it, which is told neither the
     force nor where in its gap the load begins.
     """
     rng, plain = np.random.default_rng(20020302), joint.errors([vector])[0]
-    parted = [_parted(joint, vector, plain, size, rng) for _ in range(_DRAWS)]
+    parted = [_parted(joint, vector, plain, size, rng) for _ in range(draws)]
     powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in parted]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])

@@ -113,6 +113,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
             lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
             without=unseen | frozenset(idle_effects() if begun.imposed else ()),
             barred=frozenset(untestable),
+            stick_inertia=begun.start.stick_inertia,
         )
     clock.stage("naming")
     if not credible.credible:

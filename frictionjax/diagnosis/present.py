@@ -141,7 +141,7 @@ def lane_powers(e, batch):
 @eqx.filter_jit
 def _weighing(power, knee, e, jacobian, setting):
     batch = setting.batch
-    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
+    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * setting.weight
     weighted = jacobian * weight[None]
     base = weighted.reshape(jacobian.shape[0], -1)
     gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + jnp.diag(setting.prior**2)

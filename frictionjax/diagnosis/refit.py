@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.resonance import Pair
-from frictionjax.diagnosis.search import coupled_starts, searched, wide_knees
+from frictionjax.diagnosis.search import load_ratio, searched, told
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
@@ -33,8 +33,6 @@ _AT_LEAST = 3  # candidates that go on in any case
 _HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
 _MASKED, _PLAIN = 0.9, 1.0  # part of a step that base parameters undo; its power over that of the noise
 _MOST_MASKED = 5
-_ROUNDS = 12  # at each knee, of a search without derivatives
-_WIDE, _NARROW = 0.5, 0.2  # its first circle, in logarithms
 _KEEP = 0.1  # a candidate that gains less than this part of the best one is not refitted
 
 
@@ -152,6 +150,11 @@ def hidden_in_the_base(trials: list[Trial]) -> list[Trial]:
     return list(best.values())[:_MOST_MASKED]
 
 
+def behind_gaps(trials: list[Trial]) -> list[Trial]:
+    """The best trial of each form of a load behind a gap."""
+    return one_of_each([trial for trial in trials if _is_chaotic(trial.form)])
+
+
 def refit_all(
     trials: list[Trial],
     model: Model,
@@ -159,6 +162,8 @@ def refit_all(
     executor: Executor,
     pair: Pair | None = None,
     absorbed: Sequence[Trial] = (),
+    hanging: Sequence[Trial] = (),
+    stick_inertia: float | None = None,
 ) -> list[Refitted]:
     """Refit `trials`, each an effect beside those of `model`, from their one-step estimates: all with the fast
     observer, and those that come near the best of them with the slow one.
@@ -176,6 +181,9 @@ def refit_all(
     - `executor`: runs them side by side.
     - `pair`: antiresonance and resonance in the data, where they show any.
     - `absorbed`: what the base parameters can stand in for (`hidden_in_the_base`).
+    - `hanging`: tests of a load behind a gap, one a form: it is searched (`diagnosis.search`) where nothing explains
+        most and stick lacks a part of the inertia, or where it is among the `trials`.
+    - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
     """
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = float(fast.misfits([model.fitted.vector])[0])
@@ -239,13 +247,8 @@ def refit_all(
 
     def sought(trial: Trial) -> tuple[Joint, Fitted] | None:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        starts, knees = coupled_starts(joint, vector, scales["zs"]), wide_knees(joint, vector)
-        starts += [uncoupled(joint, start) for start in starts]
-        found = searched(joint, starts, rounds=_ROUNDS, width=_WIDE, knees=knees, rigid=vector)
-        if found is None:
-            return None
-        ends = [descend(joint, found, graduate=wide, steps=12, tolerance=0.03) for wide in (True, False)]
-        return joint, min(ends, key=lambda fitted: fitted.misfit)
+        found = searched(joint.at_bandwidth(SLOW_BANDWIDTH), vector, scales["zs"], ratio)
+        return None if found is None else (joint, descend(joint, found, graduate=False, steps=0))
 
     def along_the_valley(trial: Trial) -> tuple[Joint, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
@@ -256,17 +259,18 @@ def refit_all(
         slow, chaotic = joint.at_bandwidth(SLOW_BANDWIDTH), _is_chaotic(trial.form)
         if chaotic:
             # Contacts are shorter than anything else in the machine.
-            slow = with_steps(slow, steps_needed(slow, found.vector))
-        fitted = descend(slow, found.vector, graduate=chaotic, steps=15, tolerance=0.01)
-        if chaotic:
-            fitted = _searched_again(slow, fitted, _NARROW)
+            slow = told(slow, found.vector)
+            slow = told(with_steps(slow, steps_needed(slow, found.vector)), found.vector)
+        fitted = descend(slow, found.vector, graduate=False, steps=15, tolerance=0.01)
         return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
 
     if not trials:
         return []
     begun = list(executor.map(begin, trials))
-    # What is searched without derivatives begins nowhere: one trial of a form is as good as another.
-    chaotic = [trial for trial in one_of_each(trials) if _is_chaotic(trial.form)]
+    ratio = load_ratio(model.joint, model.fitted.vector, stick_inertia)
+    chaotic = behind_gaps(trials)
+    if ratio is not None:
+        chaotic += [trial for trial in hanging if trial.effect not in {other.effect for other in chaotic}]
     trials, begun = _foremost(trials, begun, present, _PROMISING)
     begun = list(executor.map(go_on, begun))
     # A model that has effects already has left the minimum that the base model came to rest in.
@@ -341,21 +345,8 @@ def _foremost(
 def polish(candidate: Refitted) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    if _is_chaotic(candidate.trial.form):
-        fitted = _searched_again(model.joint, model.fitted, 0.5 * _NARROW)
-    else:
-        fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
+    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
     return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
-
-
-def _searched_again(joint: Joint, fitted: Fitted, width: float) -> Fitted:
-    """A search without derivatives from where a descent ended, and a descent from there: each gets out of where the
-    other one stays."""
-    knees = wide_knees(joint, fitted.vector)
-    start = searched(joint, [fitted.vector], rounds=_ROUNDS, width=width, knees=knees)
-    assert start is not None  # for it was told of nothing better
-    found = descend(joint, start, steps=15, tolerance=0.01)
-    return found if found.misfit < fitted.misfit else fitted
 
 
 def ease(model: Model) -> Model:

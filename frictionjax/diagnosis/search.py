@@ -1,151 +1,186 @@
-"""Search without derivatives, for a second inertia behind a gap.
+"""Search for a load behind a gap, whose first sign is that a machine is lighter in stick than in sliding.
 
-Which contact comes first, and when, changes with any number of the coupling: derivatives by it are those of a chaotic
-motion, and descents stay where they begin. So models are drawn around the best so far, a few side by side, in ever
-narrower circles.
+Shaken in stick the motor moves within the gap, and its load hangs free: the inertia is that of the motor alone. In
+sliding it takes the load along. What the two differ by is the load, and is known before anything is searched.
 
-A gap that is wrong by a twentieth brings no block of samples down to the noise, and costs more than none at all. So the
-knee of the cost comes down from what the rigid machine misses most, and until it is at the noise more than one place is
-followed.
+When the load touches in shaking is chaotic, and nobody sees it: there even the true model errs, and a gap that is too
+wide to touch errs less. In sliding the motor catches the load after each reversal, and what went before is forgotten;
+when it does, the gap and the load's own viscous friction decide, each to a few per cent, and a few per cent off they
+cost as much as far off. So both are sought on a grid, by the recordings that slide; all else descends, by the blocks in
+which the load is where it is whatever shakes the machine (`told`).
 
-Each model keeps the viscous friction of the whole, sigma2 + drag ratio J, which any sliding shows: how much of it is
-the load's own decides when the gap is crossed.
+Each model keeps the viscous friction of the whole, sigma2 + drag ratio J, which any sliding shows.
 """
 
 import itertools
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.joint import LANES, Joint, misfit_of
+from frictionjax.diagnosis.floor import scatter
+from frictionjax.estimation.batch import AbstractBatch
+from frictionjax.estimation.joint import Joint, misfit_of
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.physics import Drive
 
-_RATIOS, _GAPS, _FREQUENCIES = (0.15, 0.35), (0.3, 1.0, 3.0, 10.0, 30.0), (60.0, 200.0)
-_DAMPING, _LOADS_OWN = 0.2, 0.5  # damping ratio in contact; the load's part of the viscous friction
-_NARROWER = 0.8  # factor on the width after a round in which nothing was better
-_NARROWED = 0.7  # the same, after a knee
-_QUANTILES = (0.98, 0.9, 0.7)  # of the block powers: the knees before that of the noise
-_PROMISING = 0.1  # of what the rigid machine costs above the noise, that the first knee must gain
-_KEPT = 3  # places that are followed at the widest knee, one less at each one after it
+SHAKING = 5e-4
+"""Unmeasured force over Fc under which the motion of a machine must stay what it is, for its gap to be told by it."""
+_ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
+_LIGHTER = 0.05  # part of the inertia that stick must lack for a load to be believed in
+_HEAVIEST = 0.9  # part of the inertia that may be the load's
+_GAPS = np.geomspace(
+    0.3, 20.0, 30
+)  # over the bristle's break-away deflection: each a sixth wider than the last
+_SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)  # of the viscous friction that is the load's
+_FREQUENCY, _DAMPING = 200.0, 0.25  # of the contact, Hz and 1: what the machine does hardly depends on them
+_RATIOS = (0.2, 0.35, 0.5)  # where stick does not tell
+_TURNS = ((10.0, 0.5), (10.0, 0.25), (1.0, 0.1))  # knee, and half-width of the grid around the best so far
+_FINER = 15, 5  # gaps and shares of these grids
+_DESCENT = 8  # steps of a descent between two grids
+_FAR_OFF = 10.0  # deflections in a block (50 ms): a machine that gets so far slides
+_SLIDES = 0.1  # of the blocks of a recording
+_PROMISING = 0.1  # of what the rigid machine costs above the noise in sliding, that the first turn must gain
 _LEAST_LEFT = 0.05  # of the viscous friction that stays with the motor
 
 
-def coupled_starts(joint: Joint, vector: Float[Array, " q"], deflection: float) -> list[Float[Array, " q"]]:
-    """`vector` of a model whose last effect is a second inertia behind a gap, at a grid of its numbers: gaps from a
-    third to thirty times the bristle's break-away `deflection` (position units)."""
-    place = len(joint.setting.drive.effects) - 1
-    whole = joint.drive(vector)
-    viscous = _viscous(whole)
-    starts = []
-    for ratio, gap, frequency in itertools.product(_RATIOS, _GAPS, _FREQUENCIES):
-        drag = _LOADS_OWN * viscous / (ratio * float(whole.J))
-        values = {
-            "ratio": ratio,
-            "gap": gap * deflection,
-            "frequency": frequency,
-            "damping": _DAMPING,
-            "drag": drag,
-        }
-        new = np.array(vector)
-        for name, value in values.items():
-            index = _place(joint, f"effects.{place}.{name}")
-            new[index] = np.log(value) if joint.layout[index].parameter.transform == "log" else value
-        starts.append(_balanced(joint, new, viscous))
-    return starts
+def load_ratio(joint: Joint, vector: Float[Array, " q"], stick_inertia: float | None) -> float | None:
+    """Part of the inertia that stick lacks, of the model `vector`: told by the inertia at which its fit began, where it
+    ended, and the `stick_inertia` that noise in stick showed, where there was any; None where they agree."""
+    seen = [float(joint.drive(joint.setting.start).J), float(joint.drive(vector).J)]
+    seen += [stick_inertia] if stick_inertia is not None else []
+    ratio = 1.0 - min(seen) / max(seen)
+    return ratio if _LIGHTER < ratio < _HEAVIEST else None
 
 
-def wide_knees(joint: Joint, vector: Float[Array, " q"]) -> tuple[float, ...]:
-    """Knees for a search from far off, from the powers of the blocks that `vector` leaves down to the noise."""
-    scored = (np.asarray(joint.fitted)[:, None] > 0) & (np.asarray(joint.batch.block_count) > 0)
-    power = np.nan_to_num(joint.powers([vector])[0][scored], nan=1e30, posinf=1e30)
-    return (*(max(float(knee), 1.0) for knee in np.quantile(power, _QUANTILES)), 1.0)
+def told(joint: Joint, vector: Float[Array, " q"]) -> Joint:
+    """`joint` without the blocks in which the model `vector` parts from itself under a small unmeasured force: no fit
+    sees what is chaotic. Powers and misfits are those of all blocks as before."""
+    parted = scatter(joint, vector, SHAKING, draws=1)
+    kept = jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0))
+    return eqx.tree_at(
+        lambda j: j.setting.weight, joint, joint.batch.valid * jnp.repeat(kept, joint.batch.block, axis=1)
+    )
 
 
 def searched(
-    joint: Joint,
-    starts: list[Float[Array, " q"]],
-    *,
-    rounds: int,
-    width: float,
-    knees: Sequence[float] = (1.0,),
-    rigid: Float[Array, " q"] | None = None,
+    joint: Joint, vector: Float[Array, " q"], deflection: float, ratio: float | None
 ) -> Float[Array, " q"] | None:
-    """The best of `starts`, moved where the misfit of the fitted recordings is least.
+    """A model with a load behind a gap that predicts sliding best.
 
     **Arguments:**
 
-    - `joint`: a model whose last effect is a second inertia; its numbers, and no others, are drawn.
-    - `starts`: vectors of it, shape `(q,)`.
-    - `rounds`: of as many draws as are simulated side by side, at each knee.
-    - `width`: of the first circle, in logarithms.
-    - `knees`: powers of a block, in units of the noise, beyond which the cost is a logarithm, in turn.
-    - `rigid`: a model without a gap, to be given up for something better.
+    - `joint`: a model whose last effect is a second inertia behind a gap.
+    - `vector`: the rigid machine, shape `(q,)`.
+    - `deflection`: of the bristle at break-away, position units.
+    - `ratio`: of the load to the whole (`load_ratio`); None: several are tried.
 
-    **Returns:** a vector of shape `(q,)`; None where after the first knee nothing was clearly better than `rigid`.
+    **Returns:** a vector of shape `(q,)`; None where no recording slides, or where no gap is clearly better there than
+    none.
     """
-    rng, fitted = np.random.default_rng(20021), np.asarray(joint.fitted)
-
-    def cost(power: np.ndarray, knee: float) -> float:
-        return misfit_of(power, fitted, joint.batch, knee)
-
-    vectors, powers = [np.array(start) for start in starts], joint.powers(starts)
-    for number, knee in enumerate(knees):
-        order = np.argsort([cost(power, knee) for power in powers])[: max(_KEPT - number, 1)]
-        vectors, powers = [vectors[i] for i in order], [powers[i] for i in order]
-        widths = [width] * len(order)
-        for turn in range(rounds):
-            place = turn % len(order)
-            drawn = _drawn(joint, vectors[place], widths[place], rng)
-            seen = joint.powers(drawn)
-            costs = [cost(power, knee) for power in seen]
-            best = int(np.argmin(costs))
-            if costs[best] < cost(powers[place], knee):
-                vectors[place], powers[place] = np.array(drawn[best]), seen[best]
-            else:
-                widths[place] *= _NARROWER
-        width *= _NARROWED
-        if number == 0 and rigid is not None:
-            known = cost(joint.powers([rigid])[0], knee)
+    rows = _sliding(joint.batch, deflection) * np.asarray(joint.fitted)
+    if not np.any(rows):
+        return None
+    grid = [
+        model
+        for own in (_RATIOS if ratio is None else (ratio,))
+        for model in _around(_hanging(joint, vector, own), joint, _GAPS * deflection, _SHARES)
+    ]
+    found, _ = _best(joint, grid, rows, _TURNS[0][0])
+    for turn, (knee, width) in enumerate(_TURNS):
+        found = descend(told(joint, found), found, steps=_DESCENT, tolerance=0.01).vector
+        side = joint.drive(found).load_side
+        assert side is not None
+        gaps = 2.0 * float(side.half_gap) * np.exp(np.linspace(-width, width, _FINER[0]))
+        shares = _share(joint.drive(found)) + width * np.linspace(-0.5, 0.5, _FINER[1])
+        finer = _around(found, joint, gaps, shares[(shares > 0.0) & (shares < 1.0)])
+        found, cost = _best(joint, [found, *finer], rows, knee)
+        if turn == 0:
+            rigid = misfit_of(joint.powers([vector])[0], rows, joint.batch, knee)
             at_noise = 0.5 * np.log((1.0 + knee) / (2.0 * knee))
-            if min(cost(power, knee) for power in powers) > known - _PROMISING * (known - at_noise):
+            if cost > rigid - _PROMISING * (rigid - at_noise):
                 return None
-    return jnp.asarray(vectors[int(np.argmin([cost(power, knees[-1]) for power in powers]))])
+    return found
 
 
-def _drawn(
-    joint: Joint, vector: np.ndarray, width: float, rng: np.random.Generator
+def _sliding(batch: AbstractBatch, deflection: float) -> Float[np.ndarray, " r"]:
+    """1 for the recordings that slide for a tenth of their time, else 0."""
+    ends = np.asarray(batch.x)[:, :: batch.block]
+    travelled = np.abs(np.diff(ends, axis=1, append=ends[:, -1:]))
+    scored = np.asarray(batch.block_count) > 0
+    far = np.sum((travelled > _FAR_OFF * deflection) & scored, axis=1)
+    return np.where(far > _SLIDES * np.sum(scored, axis=1), 1.0, 0.0)
+
+
+def _hanging(joint: Joint, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
+    """`vector` with a load of this `ratio`, and with the inertia of sliding: stiffness and damping stay what they
+    were."""
+    place = len(joint.setting.drive.effects) - 1
+    new = _with(joint, vector, {"ratio": ratio, "frequency": _FREQUENCY, "damping": _DAMPING}, place)
+    places = {free.path: index for index, free in enumerate(joint.layout)}
+    if "J" not in places:
+        return new
+    # The fit of a rigid machine ends as heavy as it was in sliding, where it began, or as light as in stick.
+    now, begun = (float(joint.drive(one).J) for one in (vector, joint.setting.start))
+    more = float(np.log(max(now, begun) / now))
+    for path, shift in {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}.items():
+        new = new.at[places[path]].add(shift)
+    return new
+
+
+def _around(
+    vector: Float[Array, " q"],
+    joint: Joint,
+    gaps: Float[np.ndarray, " g"],
+    shares: Sequence[float] | Float[np.ndarray, " s"],
 ) -> list[Float[Array, " q"]]:
-    """As many models as are simulated side by side, in a circle of this `width` around `vector`."""
-    own = f"effects.{len(joint.setting.drive.effects) - 1}."
-    viscous, drawn = _viscous(joint.drive(jnp.asarray(vector))), []
-    for _ in range(LANES):
-        new = vector.copy()
-        for i, free in enumerate(joint.layout):
-            if not free.path.startswith(own):
-                continue
-            change = width * rng.standard_normal()
-            new[i] = new[i] + change if free.parameter.transform == "log" else new[i] * np.exp(change)
-        drawn.append(_balanced(joint, new, viscous))
-    return drawn
+    """`vector` at each of the `gaps` (position units), with each of these `shares` of the viscous friction the
+    load's."""
+    drive, place = joint.drive(vector), len(joint.setting.drive.effects) - 1
+    viscous, inertia = _viscous(drive), float(drive.load_side.ratio * drive.J)  # type: ignore[union-attr]
+    models = []
+    for gap, share in itertools.product(gaps, shares):
+        new = _with(joint, vector, {"gap": gap, "drag": share * viscous / inertia}, place)
+        left = max(1.0 - share, _LEAST_LEFT) * viscous
+        sigma2 = next(i for i, free in enumerate(joint.layout) if free.path == "friction.sigma2")
+        models.append(new.at[sigma2].add(np.log(left / float(drive.friction.sigma2))))
+    return models
+
+
+def _with(
+    joint: Joint, vector: Float[Array, " q"], values: dict[str, float], place: int
+) -> Float[Array, " q"]:
+    """`vector` with these values of the effect at the `place`."""
+    new = np.array(vector)
+    for index, free in enumerate(joint.layout):
+        name = free.parameter.name
+        if free.path == f"effects.{place}.{name}" and name in values:
+            log = free.parameter.transform == "log"
+            new[index] = np.log(values[name]) if log else values[name] / float(free.scale)
+    return jnp.asarray(new)
+
+
+def _best(
+    joint: Joint, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], knee: float
+) -> tuple[Float[Array, " q"], float]:
+    """The best of the `models` by the recordings `rows` with the Cauchy knee at the power `knee`, and its cost."""
+    costs = [misfit_of(power, rows, joint.batch, knee) for power in joint.powers(models)]
+    best = int(np.argmin(costs))
+    return models[best], costs[best]
 
 
 def _viscous(drive: Drive) -> float:
     """Viscous friction of the motor and, where it has one of its own, of the load."""
+    return float(drive.friction.sigma2) + _of_the_load(drive)
+
+
+def _share(drive: Drive) -> float:
+    """Part of the viscous friction that is the load's."""
+    return _of_the_load(drive) / _viscous(drive)
+
+
+def _of_the_load(drive: Drive) -> float:
     side = drive.load_side
-    own = 0.0 if side is None else float(side.drag * side.ratio * drive.J)
-    return float(drive.friction.sigma2) + own
-
-
-def _balanced(joint: Joint, vector: np.ndarray, viscous: float) -> Float[Array, " q"]:
-    """`vector` with the sigma2 at which the viscous friction of the whole is `viscous`."""
-    moved = jnp.asarray(vector)
-    drive = joint.drive(moved)
-    now = float(drive.friction.sigma2)
-    left = max(viscous - (_viscous(drive) - now), _LEAST_LEFT * viscous)
-    return moved.at[_place(joint, "friction.sigma2")].add(np.log(left / now))
-
-
-def _place(joint: Joint, path: str) -> int:
-    return next(i for i, free in enumerate(joint.layout) if free.path == path)
+    return 0.0 if side is None else float(side.drag * side.ratio * drive.J)

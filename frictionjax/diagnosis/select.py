@@ -16,14 +16,17 @@ from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
     Model,
     Refitted,
+    behind_gaps,
     compare,
     ease,
     hidden_in_the_base,
+    is_chaotic,
     one_of_each,
     polish,
     refit_all,
     short_list,
 )
+from frictionjax.diagnosis.rejection import most_left
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, only_what_ends_it, reviewed, tentative
 from frictionjax.diagnosis.wavelengths import wavelengths
@@ -124,6 +127,7 @@ def select(
     *,
     without: frozenset[str] = frozenset(),
     barred: frozenset[str] = frozenset(),
+    stick_inertia: float | None = None,
 ) -> list[Step]:
     """Add effects to the fitted base model while fit and held-out recordings agree on them.
 
@@ -134,6 +138,7 @@ def select(
     - `progress`: told as it goes.
     - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
+    - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
     """
     model = ease(model)
     scales = plant_scales(model.judgement.drive, model.joint.batch)
@@ -150,8 +155,9 @@ def select(
         trials = [trial for some in tried for trial in some]
         chosen = _worth_refitting(model, tried, barred, 5 if number == 0 else 3)
         progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
-        masked = hidden_in_the_base([trial for trial in tried[0] if trial.effect not in barred])
-        refits = refit_all(chosen, model, scales, executor, pair, masked)
+        open_to = [trial for trial in tried[0] if trial.effect not in barred]
+        masked, hanging = hidden_in_the_base(open_to), behind_gaps(open_to)
+        refits = refit_all(chosen, model, scales, executor, pair, masked, hanging, stick_inertia)
         model = _better_base(model, refits)
         least = model.joint.batch.eased[:, None]
         worth = {id(r): compare(model.judgement, r.model.judgement, least).worth for r in refits}
@@ -188,7 +194,11 @@ def select(
         last = steps[-1].accepted
         assert last is not None
         whole = explained(steps[0].before.judgement, last.model.judgement, steps[-1].floor)
-        if _at_the_noise(last.model, steps[-1]):
+        effects = last.model.judgement.drive.effects
+        if _at_the_noise(last.model, steps[-1]) or (
+            # What contacts leave is chaos, and no effect beside them explains most of that.
+            is_chaotic(last.model) and 1.0 - min(whole) < most_left(effects)
+        ):
             break
         found = one_round(last.model, number, steps[-1])
         if min(whole) > ENOUGH_SHARE:

@@ -49,9 +49,10 @@ def steps_needed(joint: Joint, vector: Float[Array, " q"]) -> int:
     if not isinstance(batch, Batch):
         return 1
     own = batch.substeps
-    count, fitted = np.asarray(batch.block_count), np.asarray(joint.fitted) > 0
+    seen, fitted = np.asarray(batch.block_mean(joint.setting.weight)), np.asarray(joint.fitted) > 0
+    count = np.asarray(batch.block_count) * seen
     for finer, power in zip((1, MOST // 2), _differences(joint.layout, vector, joint.setting), strict=True):
-        losses = losses_of(1.0 + np.asarray(power), batch)
+        losses = losses_of(1.0 + np.asarray(power), batch) * seen
         parts = [losses[rows].sum() / max(count[rows].sum(), 1.0) for rows in (fitted, ~fitted)]
         if max(parts) < ADEQUATE_MISFIT:
             return finer * own

@@ -9,6 +9,7 @@ from frictionjax.diagnosis.floor import Answer, colour, floor_of, force_noise, q
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, left_over
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease, is_chaotic
+from frictionjax.diagnosis.search import SHAKING
 
 LEAST_SHARE = 0.45
 """Share of the misfit that an effect must explain, on fit and on held-out recordings, to be accepted."""
@@ -132,7 +133,8 @@ def weigh(
         # One that explains too little must not excuse itself.
         if min(best.share_fit, best.share_holdout) > LEAST_SHARE:
             found = ranked[0].model
-            own = scatter(found.joint, found.fitted.vector, force)
+            # Nobody is told where in its gap the load begins: that parts two runs where no force does.
+            own = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
             raised = _excused(model.judgement, floor, quiet + own)
     if raised is not floor:
         floor = raised

@@ -30,7 +30,7 @@ def _slope(layout, vector, columns, setting: Setting, fitted) -> Float[Array, " 
     count, batch = len(layout), setting.batch
     drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
     e = standardised(drive, vector[count:], batch, setting.gains, finer=_SUBSTEPS)
-    weight = jnp.repeat(1.0 / (block_power(e, batch) + 1.0), batch.block, axis=-1) * batch.valid
+    weight = jnp.repeat(1.0 / (block_power(e, batch) + 1.0), batch.block, axis=-1) * setting.weight
     seen = columns.at[:count].multiply(fitted[None, :, None]).reshape(columns.shape[0], -1)
     return seen @ (weight * e).ravel() + (vector - setting.start) * setting.prior**2
 

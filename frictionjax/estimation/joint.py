@@ -49,9 +49,9 @@ class Look(eqx.Module):
     clusters: Float[Array, "c q"]
 
 
-def _cost(power, knee, batch):
-    """Cauchy cost of each recording with the knee at the power `knee`, shape `(r,)`."""
-    return 0.5 * jnp.sum(batch.block_count * jnp.log((power + knee) / (2.0 * knee)), axis=1)
+def _cost(power, knee, count):
+    """Cauchy cost of each recording with the knee at the power `knee`, of blocks of `count` samples, shape `(r,)`."""
+    return 0.5 * jnp.sum(count * jnp.log((power + knee) / (2.0 * knee)), axis=1)
 
 
 def _own_prior(vector, setting, recordings):
@@ -81,9 +81,10 @@ def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
     e, columns = _told_jacobian(layout, vector, setting, most)
     batch, count, recordings = setting.batch, len(layout), fitted.shape[0]
     power = block_power(e, batch)
-    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * batch.valid
+    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * setting.weight
     off, deflected = _own_prior(vector, setting, recordings)
-    cost = jnp.sum(fitted * (_cost(power, knee, batch) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
+    counted = batch.block_count * batch.block_mean(setting.weight)
+    cost = jnp.sum(fitted * (_cost(power, knee, counted) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
     # As few passes through the columns as there can be: they are what takes the time beside the simulation. No
     # parameter sees a recording that is kept aside, and a starting deflection sees its own only.
     weighted = columns * weight[None]
@@ -173,7 +174,8 @@ class Joint(eqx.Module):
         kept = np.concatenate([np.arange(count), count + rows])
         batch = jax.tree.map(lambda leaf: leaf[rows], setting.batch)
         gains = jax.tree.map(lambda leaf: leaf[rows], setting.gains)
-        setting = Setting(setting.drive, batch, gains, batch.valid, setting.start[kept], setting.prior[kept])
+        weight = setting.weight[rows]
+        setting = Setting(setting.drive, batch, gains, weight, setting.start[kept], setting.prior[kept])
         return Joint(self.layout, setting, self.fitted[rows], self.most[rows]), jnp.asarray(vector)[kept]
 
     def errors(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:

@@ -25,8 +25,9 @@ STRIDE = 5.0
 class Setting(eqx.Module):
     """Everything a residual needs beside the free vector.
 
-    **Attributes:** `drive` (fixed parameters and structure), `batch`, `gains`, `weight` (shape `(r, n)`), `start`
-    and `prior` (centre and inverse standard deviation of the weak prior, shape `(p + r,)`).
+    **Attributes:** `drive` (fixed parameters and structure), `batch`, `gains`, `weight` (1 where a fit of the
+    diagnosis sees the sample, else 0, shape `(r, n)`), `start` and `prior` (centre and inverse standard deviation of
+    the weak prior, shape `(p + r,)`).
     """
 
     drive: Drive

@@ -19,12 +19,14 @@ class Start(eqx.Module):
     """Where a fit may start.
 
     **Attributes:** `drives` (alternatives, most credible first), `notes` (sentences: what could not be seen),
-    `presliding_seen` (whether a recording showed the stiffness in stick).
+    `presliding_seen` (whether a recording showed the stiffness in stick), `stick_inertia` (that such a recording
+    showed; None where none did).
     """
 
     drives: tuple[Drive, ...]
     notes: tuple[str, ...] = eqx.field(static=True)
     presliding_seen: bool = eqx.field(static=True)
+    stick_inertia: float | None = eqx.field(static=True, default=None)
 
 
 def starting_values(
@@ -56,6 +58,7 @@ def starting_values(
             break
     *_, motions, sliding = min(trials, key=lambda trial: trial[:2])
     stick, shaken = _best_stick(recordings, motions, motor_constant)
+    stick_inertia = stick.J.value if stick is not None else None
     notes = []
     if not sliding.credible:
         notes.append(
@@ -68,7 +71,7 @@ def starting_values(
         notes.append(
             "No recording slides: friction is bounded from below only, and its velocity dependence unseen."
         )
-        return Start(held, tuple(notes), True)
+        return Start(held, tuple(notes), True, stick_inertia)
     # Vibration in stick may pass for sliding, with another inertia and next to no friction; and noise that drives the
     # machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction. Where the two do not
     # agree, both are offered.
@@ -105,7 +108,7 @@ def starting_values(
             stiffness = Fs / max(part * stroke, within)
             damping = np.sqrt(stiffness * J)
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
-    return Start((*drives, *doubted), tuple(notes), stick is not None)
+    return Start((*drives, *doubted), tuple(notes), stick is not None, stick_inertia)
 
 
 _CLEARER = 0.7
