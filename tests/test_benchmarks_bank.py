@@ -55,7 +55,8 @@ def test_what_is_stored_prints_the_same_tables(tmp_path, monkeypatch, capsys):
     kept = tmp_path / "kept"
     full = _told(monkeypatch, capsys, "--out", tmp_path / "out", "--store", kept)
     assert "strong: right within class 1 of 2, named wrongly 1." in full
-    assert "left out of the catalogue, 1: named 1; named: creep (strong) as constant_load." in full
+    assert "left out of the catalogue, 1: named 1; named: creep (strong) as constant_load. Of" in full
+    assert "Of another class than what was left out: 1 of 1." in full
     assert "nothing missing, 1: adequate 1." in full
     assert "median error 2.00 %" in full
     assert sorted(path.name for path in kept.iterdir()) == ["none.jsonl", "one.jsonl"]

@@ -93,6 +93,8 @@ def searched(
         found = descend(told(joint, found), found, steps=_DESCENT, tolerance=0.01).vector
         side = joint.drive(found).load_side
         assert side is not None
+        if not float(side.ratio) > 0.0:
+            return None
         gaps = 2.0 * float(side.half_gap) * np.exp(np.linspace(-width, width, _FINER[0]))
         shares = _share(joint.drive(found)) + width * np.linspace(-0.5, 0.5, _FINER[1])
         finer = _around(found, joint, gaps, shares[(shares > 0.0) & (shares < 1.0)])

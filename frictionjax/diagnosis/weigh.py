@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from frictionjax.diagnosis.floor import Answer, colour, floor_of, force_noise, quietness, scatter
-from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, left_over
+from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, Judgement, advantage, explained, left_over
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.refit import Compared, Model, Refitted, compare, ease, is_chaotic
 from frictionjax.diagnosis.search import SHAKING
@@ -129,10 +129,9 @@ def weigh(
     if is_chaotic(model) and before is not None:
         raised = np.maximum(floor, before.floor)
     elif not is_chaotic(model) and ranked and is_chaotic(ranked[0].model):
-        best = compared[id(ranked[0])]
-        # One that explains too little must not excuse itself.
-        if min(best.share_fit, best.share_holdout) > LEAST_SHARE:
-            found = ranked[0].model
+        found = ranked[0].model
+        # One that explains too little of what can be told must not excuse itself.
+        if min(_explained_where_told(model, found, floor)) > LEAST_SHARE:
             # Nobody is told where in its gap the load begins: that parts two runs where no force does.
             own = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
             raised = _excused(model.judgement, floor, quiet + own)
@@ -177,6 +176,16 @@ def _ranked(
     """The `refits` against the `model` above the `floor`, by their identity, and the best of them first."""
     compared = {id(r): compare(model.judgement, r.model.judgement, floor) for r in refits}
     return compared, sorted(refits, key=lambda r: -compared[id(r)].worth)
+
+
+def _explained_where_told(before: Model, found: Model, floor: np.ndarray) -> tuple[float, float]:
+    """Share of the misfit of `before` that `found` removes, fit and held-out, in the blocks that its fit saw."""
+    kept = np.asarray(found.joint.batch.block_mean(found.joint.setting.weight)) > 0.0
+    ends = [
+        eqx.tree_at(lambda j: j.power, model.judgement, np.where(kept, model.judgement.power, floor))
+        for model in (before, found)
+    ]
+    return explained(ends[0], ends[1], floor)
 
 
 def _excused(before: Judgement, floor: np.ndarray, left: np.ndarray) -> np.ndarray:
