@@ -1,12 +1,15 @@
 """What a chaotic machine is excused for: by no more than half, and nowhere below what the model without it leaves."""
 
+from types import SimpleNamespace
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, break_away, open_loop, stick_noise
 
-from frictionjax.diagnosis.judge import Judgement
-from frictionjax.diagnosis.weigh import _excused
+from frictionjax.diagnosis.judge import Judgement, explained
+from frictionjax.diagnosis.weigh import _excused, _explained_where_told
 from frictionjax.estimation.batch import make_batch
 
 
@@ -41,3 +44,17 @@ def test_nothing_is_excused_where_nothing_is_left(judged):
     np.testing.assert_array_equal(
         _excused(judged, floor, np.zeros(judged.power.shape)), floor * np.ones(judged.power.shape)
     )
+
+
+def test_what_a_chaotic_machine_explains_is_seen_where_its_fit_saw_anything(judged):
+    """It mends the loud blocks that its fit saw, and is far off in the others, which are chaotic."""
+    batch, blocks = judged.batch, np.arange(judged.power.shape[1])
+    seen = np.broadcast_to(blocks < blocks.size // 2, judged.power.shape)
+    weight = batch.valid * jnp.repeat(jnp.asarray(1.0 * seen), batch.block, axis=1)
+    joint = SimpleNamespace(batch=batch, setting=SimpleNamespace(weight=weight))
+    mended = eqx.tree_at(lambda j: j.power, judged, np.where(seen, 1.0, 1e4))
+    rigid, chaotic = SimpleNamespace(judgement=judged), SimpleNamespace(judgement=mended, joint=joint)
+    floor = np.ones((2, 1))
+    assert min(explained(judged, mended, floor)) < 0.0
+    assert _explained_where_told(rigid, chaotic, chaotic, floor) == pytest.approx((1.0, 1.0))
+    assert _explained_where_told(rigid, rigid, chaotic, floor) == pytest.approx((0.0, 0.0))
