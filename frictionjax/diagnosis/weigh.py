@@ -128,15 +128,13 @@ def weigh(
     raised = floor
     if is_chaotic(model) and before is not None:
         raised = np.maximum(floor, before.floor)
-    elif not is_chaotic(model) and any(is_chaotic(r.model) for r in ranked):
-        found = next(r.model for r in ranked if is_chaotic(r.model))
-        # One that explains too little of what can be told, or less of that than another, must not excuse itself.
-        own = _explained_where_told(model, found, found, floor)
-        most = _explained_where_told(model, ranked[0].model, found, floor)
-        if min(own) > LEAST_SHARE and sum(own) >= sum(most):
+    elif not is_chaotic(model) and ranked and is_chaotic(ranked[0].model):
+        found = ranked[0].model
+        # One that explains too little of what can be told must not excuse itself.
+        if min(_explained_where_told(model, found, floor)) > LEAST_SHARE:
             # Nobody is told where in its gap the load begins: that parts two runs where no force does.
-            parted = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
-            raised = _excused(model.judgement, floor, quiet + parted)
+            own = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
+            raised = _excused(model.judgement, floor, quiet + own)
     if raised is not floor:
         floor = raised
         compared, ranked = _ranked(model, refits, floor)
@@ -180,15 +178,12 @@ def _ranked(
     return compared, sorted(refits, key=lambda r: -compared[id(r)].worth)
 
 
-def _explained_where_told(
-    before: Model, after: Model, chaotic: Model, floor: np.ndarray
-) -> tuple[float, float]:
-    """Share of the misfit of `before` that `after` removes, fit and held-out, in the blocks that the fit of the
-    `chaotic` model saw."""
-    kept = np.asarray(chaotic.joint.batch.block_mean(chaotic.joint.setting.weight)) > 0.0
+def _explained_where_told(before: Model, found: Model, floor: np.ndarray) -> tuple[float, float]:
+    """Share of the misfit of `before` that `found` removes, fit and held-out, in the blocks that its fit saw."""
+    kept = np.asarray(found.joint.batch.block_mean(found.joint.setting.weight)) > 0.0
     ends = [
         eqx.tree_at(lambda j: j.power, model.judgement, np.where(kept, model.judgement.power, floor))
-        for model in (before, after)
+        for model in (before, found)
     ]
     return explained(ends[0], ends[1], floor)
 
