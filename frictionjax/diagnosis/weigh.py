@@ -136,8 +136,10 @@ def weigh(
             own = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
             raised = _excused(model.judgement, floor, quiet + own)
     if raised is not floor:
-        floor = raised
-        compared, ranked = _ranked(model, refits, floor)
+        above = _ranked(model, refits, raised)
+        # What a gap excuses must not let in another that it does not belong to.
+        if is_chaotic(model) or above[1][0] is ranked[0]:
+            floor, (compared, ranked) = raised, above
     p_values = effect_p_values(trials)
 
     # What another candidate explains far better is not named, even if that one is refused.
