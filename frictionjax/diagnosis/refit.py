@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.judge import Judgement, advantage, energy_explained, explained, judge
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.resonance import Pair
-from frictionjax.diagnosis.search import load_ratio, searched, told
+from frictionjax.diagnosis.search import heavier, load_ratio, searched, told
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
@@ -316,16 +316,9 @@ def _is_chaotic(effect: AbstractEffect) -> bool:
 def uncoupled(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
     it shows where the load hangs in its gap most of the time: J is larger, stiffness and damping are what they were."""
-    places = {free.path: place for place, free in enumerate(joint.layout)}
     load = joint.drive(vector).load_side
     assert load is not None
-    if "J" not in places:
-        return vector
-    more = -jnp.log(1.0 - load.ratio)
-    shifts = {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}
-    for path, shift in shifts.items():
-        vector = vector.at[places[path]].add(shift)
-    return vector
+    return heavier(joint, vector, 1.0 / (1.0 - load.ratio))
 
 
 def _foremost(

@@ -44,8 +44,9 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
     """
     effects = full.joint.drive(full.fitted.vector).effects
     count, deflections = len(base.joint.layout), full.fitted.vector[len(full.joint.layout) :]
-    # The same weights of the recordings as in `full`: they may have been eased since.
-    empty = eqx.tree_at(lambda joint: joint.setting.batch, base.joint, full.joint.batch)
+    # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
+    own = full.joint.setting
+    empty = eqx.tree_at(lambda j: (j.setting.batch, j.setting.weight), base.joint, (own.batch, own.weight))
     ends: list[tuple[Joint, Fitted]] = []
     for vector in (jnp.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
         joint = empty

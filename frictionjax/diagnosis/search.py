@@ -31,9 +31,8 @@ SHAKING = 5e-4
 _ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
 _LIGHTER = 0.05  # part of the inertia that stick must lack for a load to be believed in
 _HEAVIEST = 0.9  # part of the inertia that may be the load's
-_GAPS = np.geomspace(
-    0.3, 20.0, 30
-)  # over the bristle's break-away deflection: each a sixth wider than the last
+# Over the bristle's break-away deflection: each a sixth wider than the last.
+_GAPS = np.geomspace(0.3, 20.0, 30)
 _SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)  # of the viscous friction that is the load's
 _FREQUENCY, _DAMPING = 200.0, 0.25  # of the contact, Hz and 1: what the machine does hardly depends on them
 _RATIOS = (0.2, 0.35, 0.5)  # where stick does not tell
@@ -107,6 +106,17 @@ def searched(
     return found
 
 
+def heavier(joint: Joint, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
+    """`vector` with the inertia `times` as large, where it is free; stiffness and damping stay what they were."""
+    places, more = {free.path: place for place, free in enumerate(joint.layout)}, jnp.log(times)
+    if "J" not in places:
+        return vector
+    shifts = {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}
+    for path, shift in shifts.items():
+        vector = vector.at[places[path]].add(shift)
+    return vector
+
+
 def _sliding(batch: AbstractBatch, deflection: float) -> Float[np.ndarray, " r"]:
     """1 for the recordings that slide for a tenth of their time, else 0."""
     ends = np.asarray(batch.x)[:, :: batch.block]
@@ -121,15 +131,9 @@ def _hanging(joint: Joint, vector: Float[Array, " q"], ratio: float) -> Float[Ar
     were."""
     place = len(joint.setting.drive.effects) - 1
     new = _with(joint, vector, {"ratio": ratio, "frequency": _FREQUENCY, "damping": _DAMPING}, place)
-    places = {free.path: index for index, free in enumerate(joint.layout)}
-    if "J" not in places:
-        return new
     # The fit of a rigid machine ends as heavy as it was in sliding, where it began, or as light as in stick.
     now, begun = (float(joint.drive(one).J) for one in (vector, joint.setting.start))
-    more = float(np.log(max(now, begun) / now))
-    for path, shift in {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}.items():
-        new = new.at[places[path]].add(shift)
-    return new
+    return heavier(joint, new, max(now, begun) / now)
 
 
 def _around(
