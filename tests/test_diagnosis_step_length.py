@@ -1,5 +1,6 @@
 """How many integration steps a sample a machine needs: one where its error passes for noise, else more."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ from helpers_plants import effect
 
 import frictionjax as fj
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT
+from frictionjax.diagnosis.name import try_form
 from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.step_length import MOST, steps_needed, with_steps
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint, sum_clusters
 from frictionjax.estimation.residuals import standardised
 from frictionjax.estimation.scales import plant_scales
 
@@ -102,3 +104,35 @@ def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
     for name in ("sigma0", "sigma1", "Fc", "Fs"):
         np.testing.assert_allclose(getattr(drive.friction, name), getattr(friction, name), rtol=0.02)
     np.testing.assert_allclose(drive.J, 0.0825, rtol=0.01)
+
+
+def test_the_error_of_the_integration_is_not_significant():
+    """A true model before recordings of a fifth of the noise: one step a sample leaves what the tests would take for
+    missing physics; by the innovations of finer steps they take it for what it is."""
+    joint, vector = _joint(0.2)
+    present = present_model(joint, vector)
+    assert present.joint.batch.substeps == 1
+    coarse = eqx.tree_at(lambda own: own.fine, present, present.e)
+    scales = plant_scales(PLANT, joint.batch)
+
+    def smallest(seen):
+        weighings = tuple(
+            eqx.tree_at(
+                lambda own: own.clusters,
+                weighing,
+                np.asarray(sum_clusters(_weighted(seen, weighing), joint.batch.block)),
+            )
+            for weighing in seen.weighings
+        )
+        seen = eqx.tree_at(lambda own: own.weighings, seen, weighings)
+        trials = [try_form(seen, [effect(name)], scales) for name in ("ElastoPlastic", "ViscoelasticDamping")]
+        return min(trial.p_value for some in trials for trial in some)
+
+    assert smallest(coarse) < 1e-3
+    assert smallest(present) > 0.02
+
+
+def _weighted(seen, weighing):
+    """Weighted columns of the base model times the innovations that are tested."""
+    columns = weighing.base.reshape(weighing.base.shape[0], *seen.e.shape)
+    return columns * seen.fine[None]

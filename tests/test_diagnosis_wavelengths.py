@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, RATE
 
-from frictionjax.diagnosis.wavelengths import wavelengths
+from frictionjax.diagnosis.wavelengths import Wavelengths, wavelengths
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.recordings import Recording
@@ -37,7 +37,7 @@ def test_a_planted_period_is_found(stroke, period, odd):
     x, v, batch = stroke
     wave = np.sin(2.0 * np.pi * x / period + 0.7) * (np.sign(v) if odd else 1.0)
     e = wave + np.random.default_rng(3).standard_normal(x.shape)
-    found = wavelengths(e, v, batch, odd=odd)
+    found = wavelengths(e, v, batch, odd=odd).periods
     assert found[0] == pytest.approx(period, rel=0.01)
     assert len(set(found)) == len(found) == 3
 
@@ -47,9 +47,21 @@ def test_a_wave_of_the_sensor_that_passes_in_less_than_a_sample_is_found(stroke)
     x, v, batch = stroke
     period = 1.1e-5
     e = np.sin(2.0 * np.pi * x / period + 0.7) + np.random.default_rng(3).standard_normal(x.shape)
-    found = wavelengths(e, v, batch, odd=False, count=2, fine=True)
+    found = wavelengths(e, v, batch, odd=False, count=2, fine=True).periods
     # Over the stroke it is off by less than a quarter of a wave: a descent finds the rest.
     assert found[0] == pytest.approx(period, rel=0.25 * period / 0.4)
+
+
+def test_a_period_is_counted_among_those_it_was_chosen_from(stroke):
+    """Waves of the whole stroke that fit between the longest and the shortest that are looked for."""
+    x, v, batch = stroke
+    e = np.random.default_rng(3).standard_normal(x.shape)
+    coarse, fine = wavelengths(e, v, batch, odd=False), wavelengths(e, v, batch, odd=False, fine=True)
+    for found, least in ((coarse, 2), (fine, 20)):
+        shortest = np.ptp(x) / (found.among + least)
+        assert found.among > 10
+        assert min(found.periods) >= 0.99 * shortest
+    assert fine.among > 100 * coarse.among
 
 
 def test_friction_is_told_from_cogging(stroke):
@@ -57,8 +69,8 @@ def test_friction_is_told_from_cogging(stroke):
     x, v, batch = stroke
     wave = 3.0 * np.sin(2.0 * np.pi * x / 0.05)
     e = wave * np.sign(v) + np.random.default_rng(3).standard_normal(x.shape)
-    assert wavelengths(e, v, batch, odd=True)[0] == pytest.approx(0.05, rel=0.01)
-    assert wavelengths(e, v, batch, odd=False)[0] != pytest.approx(0.05, rel=0.05)
+    assert wavelengths(e, v, batch, odd=True).periods[0] == pytest.approx(0.05, rel=0.01)
+    assert wavelengths(e, v, batch, odd=False).periods[0] != pytest.approx(0.05, rel=0.05)
 
 
 def test_a_fast_move_and_a_bias_in_stick_do_not_hide_a_short_period():
@@ -75,13 +87,13 @@ def test_a_fast_move_and_a_bias_in_stick_do_not_hide_a_short_period():
     period = 0.02
     e = 2.0 * np.sin(2.0 * np.pi * x / period + 0.7) + np.random.default_rng(3).standard_normal(x.shape)
     assert np.mean(e[1]) ** 2 > 0.5
-    assert wavelengths(e, v, batch, odd=False)[0] == pytest.approx(period, rel=0.01)
+    assert wavelengths(e, v, batch, odd=False).periods[0] == pytest.approx(period, rel=0.01)
 
 
 def test_without_motion_there_is_no_period():
     still = Recording("still", RATE, 0 * T[:2000], 1e-6 * np.random.default_rng(4).standard_normal(2000))
     batch = make_batch((still,), encoder_step=FINE)
-    assert wavelengths(np.ones((1, 2000)), np.zeros((1, 2000)), batch, odd=True) == ()
+    assert wavelengths(np.ones((1, 2000)), np.zeros((1, 2000)), batch, odd=True) == Wavelengths()
 
 
 def test_the_plant_gives_the_scales(stroke):

@@ -17,6 +17,7 @@ from scipy.stats import f
 
 from frictionjax.diagnosis.present import BESIDE, Present, lane_powers
 from frictionjax.estimation.joint import Joint, extend, misfit_of, sum_clusters
+from frictionjax.estimation.uncertainty import merged
 from frictionjax.physics.effects import AbstractEffect
 
 _DAMPING = (1.0, 0.4)
@@ -74,10 +75,10 @@ def forms_to_try(
 
 
 @eqx.filter_jit
-def _regressed(errors, sizes, e, weighings, block):
+def _regressed(errors, sizes, e, fine, weighings, block):
     """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
     something of a small effect, and per weighing the products of their columns with the base, with each other and with
-    the innovations `e`, and the last for each cluster."""
+    the innovations `e`, and for each cluster with the `fine` ones."""
     changes = errors - e[None]
     thrown = jnp.sqrt(jnp.mean(changes**2, axis=(1, 2)))
     # A step through a break-away event can throw the trajectory.
@@ -89,7 +90,7 @@ def _regressed(errors, sizes, e, weighings, block):
         weighted = columns * weight[None]
         rows = weighted.reshape(columns.shape[0], -1)
         products.append(
-            (base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * e[None], block))
+            (base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * fine[None], block))
         )
     return good, products
 
@@ -157,7 +158,7 @@ def promises_of(present: Present, instances: list[AbstractEffect], scales: dict[
         weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
         errors = present.lanes(joints, vectors)
         good, products = _regressed(
-            errors, jnp.asarray(sizes), present.e, weighings, present.joint.batch.block
+            errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.joint.batch.block
         )
         good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
         first = 0
@@ -238,6 +239,7 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
             valley = vector - undone
             valley[list(where)] += far
             projected = clusters - weighing.clusters @ coefficients
+            projected = merged(projected, recordings)
             p_value = _score_test(projected)
             if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
                 # A strength that cannot be negative is tested on its own side.
@@ -301,7 +303,7 @@ def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
 
 def _score_test(gradients: np.ndarray) -> float:
     """p-value of "all strengths are zero" from cluster gradients, shape `(c, k)`: Hotelling's T^2 of their mean, robust
-    to what correlates inside a cluster (0.5 s)."""
+    to what correlates inside a cluster."""
     used = gradients[np.any(gradients != 0.0, axis=1)]
     clusters, count = used.shape
     if clusters <= count + 1 or not np.all(np.isfinite(used)):

@@ -10,7 +10,7 @@ from frictionjax.diagnosis.imposed import errors_with_effect
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import Joint, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
-from frictionjax.estimation.residuals import block_power
+from frictionjax.estimation.residuals import block_power, standardised
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import innovation_gain, observe
@@ -19,11 +19,13 @@ from frictionjax.simulation.observer import corrected_states
 
 BESIDE = 4
 """Vectors that are tested side by side. More of them do not fit the processor's cache, and most forms have no more."""
+_FINER = 4  # times as many integration steps: a sixteenth of the error of the scheme is left
 
 
 class Weighing(eqx.Module):
     """What the regressions of all effects share: a weight of each sample `(r, n)`, the weighted Jacobian `(q, m)`, its
-    Gram matrix with the prior `(q, q)`, its product with the innovations `(q,)`, and that of each cluster `(c, q)`."""
+    Gram matrix with the prior `(q, q)`, its product with the innovations `(q,)`, and that with the `fine` ones of each
+    cluster `(c, q)`."""
 
     weight: Float[Array, "r n"]
     base: Float[Array, "q m"]
@@ -35,15 +37,17 @@ class Weighing(eqx.Module):
 class Present(eqx.Module):
     """The model to which effects are added, before the fitted recordings alone.
 
-    **Attributes:** `joint`, `vector` (fitted), the `drive` that it makes, `e` (innovations, shape `(r, n)`),
-    `weighings` (one for each knee), `misfit`, `samples` (scored), `motion` (what it knows along the observed motion,
-    arrays of shape `(r, n)`; None where the motion is imposed).
+    **Attributes:** `joint`, `vector` (fitted), the `drive` that it makes, `e` (innovations, shape `(r, n)`), `fine`
+    (with finer integration steps: what is tested for significance, since the error of few steps, a fraction of the
+    noise, is significant in long recordings), `weighings` (one for each knee), `misfit`, `samples` (scored), `motion`
+    (what it knows along the observed motion, arrays of shape `(r, n)`; None where the motion is imposed).
     """
 
     joint: Joint
     vector: Float[Array, " q"]
     drive: Drive
     e: Float[Array, "r n"]
+    fine: Float[Array, "r n"]
     weighings: tuple[Weighing, ...]
     misfit: float
     samples: float
@@ -139,29 +143,40 @@ def lane_powers(e, batch):
 
 
 @eqx.filter_jit
-def _weighing(power, knee, e, jacobian, setting):
+def _fine(layout, vector, setting, e):
+    count = len(layout)
+    drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
+    fine = standardised(drive, vector[count:], setting.batch, setting.gains, finer=_FINER)
+    return jnp.where(jnp.isfinite(fine), fine, e)
+
+
+@eqx.filter_jit
+def _weighing(power, knee, e, fine, jacobian, setting):
     batch = setting.batch
     weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * setting.weight
     weighted = jacobian * weight[None]
     base = weighted.reshape(jacobian.shape[0], -1)
     gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + jnp.diag(setting.prior**2)
-    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * e[None], batch.block)
+    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * fine[None], batch.block)
 
 
 def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
     """The fitted model before its fitted recordings, ready for tests."""
     joint, vector = joint.of_fitted(vector)
     e, jacobian = joint.errors_and_columns(vector)
+    fine = _fine(joint.layout, vector, joint.setting, e)
     power = np.asarray(block_power(e, joint.batch))
     used = power[np.asarray(joint.batch.block_count) > 0]
     knees = dict.fromkeys((1.0, max(float(np.quantile(used, 0.7)), 1.0)))
     weighings = []
     for knee in knees:
-        weight, base, *small = _weighing(jnp.asarray(power), jnp.asarray(knee), e, jacobian, joint.setting)
+        weight, base, *small = _weighing(
+            jnp.asarray(power), jnp.asarray(knee), e, fine, jacobian, joint.setting
+        )
         weighings.append(Weighing(weight, base, *(np.asarray(part) for part in small)))
     gains, count = joint.setting.gains, len(joint.layout)
     imposed = isinstance(joint.batch, ImposedBatch)
     drive, samples = joint.drive(vector), float(jnp.sum(joint.batch.valid))
     motion = None if imposed else _motion(drive, vector[count:], joint.batch, gains)
     misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
-    return Present(joint, vector, drive, e, tuple(weighings), misfit, samples, motion)
+    return Present(joint, vector, drive, e, fine, tuple(weighings), misfit, samples, motion)

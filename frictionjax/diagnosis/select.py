@@ -29,7 +29,7 @@ from frictionjax.diagnosis.refit import (
 from frictionjax.diagnosis.rejection import most_left
 from frictionjax.diagnosis.resonance import Pair, resonance_pair
 from frictionjax.diagnosis.review import ENOUGH_SHARE, nearly_all, only_what_ends_it, reviewed, tentative
-from frictionjax.diagnosis.wavelengths import wavelengths
+from frictionjax.diagnosis.wavelengths import Wavelengths, wavelengths
 from frictionjax.diagnosis.weigh import FAR_FROM_NOISE, Step, dropping, settled, weigh
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
@@ -63,7 +63,7 @@ def try_catalogue(
     present, batch = presents[0], presents[0].joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
-    periods = {
+    waves = {
         "odd_period": wavelengths(e, speed, batch, odd=True),
         "even_period": wavelengths(e, speed, batch, odd=False),
         "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
@@ -77,7 +77,7 @@ def try_catalogue(
     forms = [form for form in forms if form.name not in {effect.name for effect in inside}]
 
     def instances(form: type[AbstractEffect]) -> list[AbstractEffect]:
-        grid = forms_to_try(form, scales, periods)
+        grid = forms_to_try(form, scales, {kind: found.periods for kind, found in waves.items()})
         if pair is not None and issubclass(form, AbstractLoadEffect):
             grid.append(dataclasses.replace(grid[0], frequency=pair.frequency))
         return grid
@@ -89,8 +89,15 @@ def try_catalogue(
         )
         least = worth_simulating(promised)
         trials = executor.map(lambda some, seen=seen, least=least: simulated(seen, some, least), promised)
-        found.append([trial for some in trials for trial in some])
+        found.append([_as_chosen(trial, waves) for some in trials for trial in some])
     return found
+
+
+def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
+    """The `trial` of one of the strongest periods, tested as one of all those that it was chosen from."""
+    chosen = [waves[str(nuisance.scale)] for nuisance in trial.form.nuisances if nuisance.grid == "period"]
+    times = max((found.among / max(len(found.periods), 1) for found in chosen), default=1.0)
+    return dataclasses.replace(trial, p_value=min(1.0, trial.p_value * times)) if times > 1.0 else trial
 
 
 def _worth_refitting(

@@ -1,5 +1,7 @@
 """Periods along the stroke at which the prediction errors repeat."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from scipy.signal import find_peaks
@@ -15,6 +17,14 @@ _BINS, _FINE_BINS = 2**12, 2**21
 _ABOVE_NOISE = 10.0  # times the noise of the position: no shorter wave is seen
 
 
+class Wavelengths(NamedTuple):
+    """`periods` along the stroke, strongest first, position units, and among how many they were the strongest: what is
+    chosen as the largest of many is to be tested as that."""
+
+    periods: tuple[float, ...] = ()
+    among: int = 1
+
+
 def wavelengths(
     innovation: np.ndarray,
     speed: np.ndarray,
@@ -23,8 +33,8 @@ def wavelengths(
     odd: bool,
     count: int = 3,
     fine: bool = False,
-) -> tuple[float, ...]:
-    """Periods along the stroke at which the innovations repeat, strongest first, position units.
+) -> Wavelengths:
+    """Periods along the stroke at which the innovations repeat.
 
     Innovations of sliding samples, weighted by their block's level, are summed in bins of position (with the
     sign of the velocity for `odd`: a friction that varies); the Fourier transform of the sums is a periodogram.
@@ -43,12 +53,12 @@ def wavelengths(
     travel = np.abs(speed.reshape(speed.shape[0], -1, batch.block).mean(-1))
     moving = travel >= 0.02 * max(float(np.quantile(travel, 0.999)), 1e-300)
     if not np.any(moving):
-        return ()
+        return Wavelengths()
     usual = float(np.median(travel[moving]))
     getting_on = np.repeat(moving, batch.block, axis=-1)
     sliding = (weight > 0) & (fine | getting_on)
     if sliding.sum() < 1000:
-        return ()
+        return Wavelengths()
     x = np.asarray(batch.x)[sliding]
     value = (innovation * weight * (np.sign(speed) if odd else 1.0))[sliding]
     span = float(np.ptp(x))
@@ -66,7 +76,8 @@ def wavelengths(
     shortest = _SHORTEST_WAVE * usual * float(np.min(np.asarray(batch.dt)))
     if fine:
         shortest = max(4.0 * span / bins, _ABOVE_NOISE * float(np.min(np.asarray(batch.noise))))
-    spectrum[(cycles < (20.0 if fine else _FEWEST)) | (cycles > span / shortest)] = 0.0
+    least = 20.0 if fine else _FEWEST
+    spectrum[(cycles < least) | (cycles > span / shortest)] = 0.0
     peaks, _ = find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
     chosen: list[float] = []
@@ -76,4 +87,5 @@ def wavelengths(
             chosen.append(float(period))
         if len(chosen) == count:
             break
-    return tuple(chosen)
+    # As many as there are waves that a stroke of this length tells apart.
+    return Wavelengths(tuple(chosen), max(round(span / shortest - least), 1))

@@ -78,9 +78,9 @@ class Ground:
         speed = np.gradient(np.asarray(present.joint.batch.x), axis=1) / dt[:, None]
         e, batch = np.nan_to_num(np.asarray(present.e)), present.joint.batch
         periods = {
-            "odd_period": wavelengths(e, speed, batch, odd=True),
-            "even_period": wavelengths(e, speed, batch, odd=False),
-            "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
+            "odd_period": wavelengths(e, speed, batch, odd=True).periods,
+            "even_period": wavelengths(e, speed, batch, odd=False).periods,
+            "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True).periods,
         }
         return [
             column

@@ -15,6 +15,10 @@ from frictionjax.physics.effects.base import About, AbstractInputEffect
 class DriveLag(AbstractInputEffect):
     """time_constant di/dt = u - i, the plant receives i; solved exactly for an input held between samples.
 
+    The plant takes one force a sample. Its mean moves the machine to the right velocity at the end of the sample, and,
+    since i is not constant, to a position that is off by d dt^2/J with d = (second integral of the force)/dt^2 -
+    mean/2. Forces d/2 in the sample before and -d/2 in the one after mend the position and leave the velocity.
+
     **Arguments:**
 
     - `time_constant`: s, not negative.
@@ -40,9 +44,13 @@ class DriveLag(AbstractInputEffect):
         ratio = self.time_constant / dt
         active = ratio > 1e-3  # exp(-1/ratio) is 0 to the last bit below
         decay = jnp.where(active, jnp.exp(-1.0 / jnp.where(active, ratio, 1.0)), 0.0)
+        integral = ratio * (1.0 - decay)
 
         def sample(lagged, held):
-            mean = held - (held - lagged) * ratio * (1.0 - decay)
-            return held + (lagged - held) * decay, mean
+            behind = lagged - held
+            off = behind * (ratio * (1.0 - integral) - 0.5 * integral)
+            return held + behind * decay, (held + behind * integral, off)
 
-        return jax.lax.scan(sample, u[0] + 0.0 * ratio, u)[1]
+        mean, off = jax.lax.scan(sample, u[0] + 0.0 * ratio, u)[1]
+        around = jnp.pad(off, 1)
+        return mean + 0.5 * (around[2:] - around[:-2])
