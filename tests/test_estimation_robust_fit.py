@@ -318,7 +318,7 @@ def test_merged_clusters_keep_the_gradient_and_the_recordings_apart(recordings, 
 
 
 def test_clusters_are_as_long_as_leaves_enough_of_them():
-    """Of 0.5 s where there are few, and of 2 s where there are many; clusters in which nothing is scored do not count."""
+    """Of 0.5 s where there are few, and of 2 s where there are many; clusters with nothing in them do not count."""
     for scored, expected in ((200, 50), (100, 50), (60, 30), (50, 50)):
         gradients = np.zeros((200, 1))
         gradients[:scored] = 1.0
