@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from helpers_plants import effect
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.name import forms_to_try, try_form
 from frictionjax.diagnosis.present import present_model
-from frictionjax.diagnosis.refit import Model, hidden_in_the_base, refit_all, uncoupled
+from frictionjax.diagnosis.refit import Model, compare, hidden_in_the_base, refit_all, uncoupled
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.robust_fit import descend
@@ -80,6 +81,23 @@ def driven():
         for name in ("load_dependence", "delay")
     }
     return model, scales, present, tried
+
+
+@pytest.mark.parametrize("name", ["Ripple", "PeriodicPositionDependence"])
+def test_what_is_periodic_is_seen_to_repeat(driven, name):
+    """Once alone; twice beside another force, if it is a force. What is not periodic does not count."""
+    judged = driven[0].judgement
+    floor = np.ones_like(judged.power)
+    x = np.asarray(judged.batch.x)[np.asarray(judged.batch.valid) > 0.0]
+
+    def seen(waves, *others):
+        effects = (*(effect(other) for other in others), effect(name, period=np.ptp(x) / waves))
+        after = eqx.tree_at(lambda j: j.drive, judged, judged.drive.with_effects(*effects))
+        return compare(judged, after, floor).repeats
+
+    for waves, alone, beside in ((0.9, False, False), (1.1, True, False), (2.1, True, True)):
+        assert seen(waves) == seen(waves, "LoadDependence") == alone
+        assert seen(waves, "GravityPendulum") == (beside if name == "Ripple" else alone)
 
 
 def test_the_valley_undoes_what_a_step_does(driven):

@@ -178,8 +178,8 @@ def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
         assert found == Unexplained(True, 1.0, "sliding")
 
 
-def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0, leads=(3.0, 3.0)):
-    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, *leads)
+def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0, leads=(3.0, 3.0), repeats=True):
+    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, *leads, repeats)
 
 
 def test_evidence_of_two_effects():
@@ -220,6 +220,11 @@ def test_a_candidate_must_be_significant():
     for leads, enough in (((4.5, 2.5), True), ((3.4, 2.9), True), ((9.0, 1.5), False), ((3.0, 2.5), False)):
         led = _compared(0.9, 0.55, leads=leads)
         assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
+
+
+def test_what_is_periodic_must_be_seen_to_repeat():
+    refused = acceptable(_compared(0.95, 0.95, repeats=False), _judged(0.4), FLOOR, 1e-9)
+    assert refused == (False, "its period is too long to be seen to repeat along the stroke")
 
 
 def test_far_from_the_noise_a_share_of_the_power_is_enough():

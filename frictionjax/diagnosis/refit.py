@@ -16,7 +16,7 @@ from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.robust_fit import Fitted, descend
-from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
+from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractLoadEffect
 
 _LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
 _FAR = 0.1  # misfit of a model that may sit in a wrong minimum
@@ -64,12 +64,15 @@ class Refitted(eqx.Module):
         return type(self.trial.form).__name__
 
 
+_WAVES, _WAVES_BESIDE = 1.0, 2.0  # along the stroke, and beside another force
+
+
 class Compared(eqx.Module):
     """A refitted candidate against the model without it.
 
     **Attributes:** `share_fit`, `share_holdout` (share of the misfit above the floor that it removes), `energy_fit`,
     `energy_holdout` (share of the power), `lead_fit`, `lead_holdout` (gain in its standard errors, over clusters of
-    0.5 s).
+    0.5 s), `repeats` (whether all that is periodic along the stroke is seen to repeat in it).
     """
 
     share_fit: float
@@ -78,6 +81,7 @@ class Compared(eqx.Module):
     energy_holdout: float
     lead_fit: float
     lead_holdout: float
+    repeats: bool
 
     @property
     def worth(self) -> float:
@@ -93,6 +97,20 @@ def compare(before: Judgement, after: Judgement, floor: np.ndarray) -> Compared:
         *energy_explained(before, after, floor),
         advantage(after, before, ~held, floor),
         advantage(after, before, held, floor),
+        _repeats(after),
+    )
+
+
+def _repeats(found: Judgement) -> bool:
+    """A wave that the stroke does not hold whole bends to any force that depends on the position; beside another force,
+    a wave with its overtone bends to whatever that one leaves, unless it comes twice."""
+    x = np.asarray(found.batch.x)[np.asarray(found.batch.valid) > 0.0]
+    stroke = float(np.ptp(x)) if x.size else 0.0
+    forces = [effect for effect in found.drive.effects if isinstance(effect, AbstractForceEffect)]
+    return all(
+        stroke >= (_WAVES_BESIDE if effect in forces and len(forces) > 1 else _WAVES) * abs(period)
+        for effect in found.drive.effects
+        for period in (float(getattr(effect, n.name)) for n in effect.nuisances if n.grid == "period")
     )
 
 

@@ -74,7 +74,11 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
     - `p_value`: of its score test; where that is not significant, a clear lead of the refit is, and so is a refit that
         brings the held-out recordings, which it never saw, to the noise or most of the way there: what acts in a few
         seconds of many has few clusters to be tested in.
+
+    What is periodic along the stroke must be seen to repeat in it.
     """
+    if not found.repeats:
+        return False, "its period is too long to be seen to repeat along the stroke"
     if not clear(found, before, floor, p_value):
         return False, f"not significant (p = {p_value:.2g})"
     if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
