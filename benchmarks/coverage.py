@@ -122,7 +122,7 @@ def main() -> None:
     seeds = list(range(arguments.first, arguments.first + arguments.machines))
     pairs = [errors(seed) for seed in _each(seeds, "machines that hide nothing")]
     names = list(pairs[0][0])
-    words = ("one", "four")
+    words = ("one", "as reported")
     _table(
         "steps a sample",
         names,

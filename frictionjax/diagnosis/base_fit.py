@@ -83,8 +83,8 @@ def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Esti
     """The same, and what is to be said of them: that the error of the integration is still in them; empty when there is
     nothing."""
     joint = model.joint
-    vector, away = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
-    hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
+    vector, away, clusters = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
+    hessian = np.asarray(model.fitted.look.hessian)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         clusters = merged(clusters, model.judgement.held_out.size)
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
