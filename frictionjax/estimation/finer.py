@@ -47,7 +47,7 @@ def _gradients(layout, vector, columns, setting: Setting, fitted) -> Float[Array
 
 
 def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> Finer:
-    """The minimum of the robust cost with eight times as many integration steps, by Newton steps with the matrix of few.
+    """The minimum of the robust cost with eight times the integration steps, by Newton steps with the matrix of few.
 
     Where the steps lead away, under an imposed motion, whose runs keep their own steps, and where derivatives are not
     finite, it is `vector` itself, with the gradients of few steps.
