@@ -47,6 +47,17 @@ def test_as_many_steps_as_make_the_error_of_the_integration_pass_for_noise(quiet
     assert abs(enough - finest) < ADEQUATE_MISFIT
 
 
+def test_blocks_that_no_fit_sees_ask_for_no_steps(quiet):
+    """The blocks in which the error of the integration is largest are masked."""
+    joint, vector = quiet
+    one, finest = (with_steps(joint, n).powers([vector])[0] for n in (1, 16))
+    error = np.abs(one - finest)
+    calm = jnp.asarray(np.where(error < 0.05 * np.quantile(error[error > 0.0], 0.9), 1.0, 0.0))
+    weight = joint.setting.weight * jnp.repeat(calm, joint.batch.block, axis=1)
+    masked = eqx.tree_at(lambda own: own.setting.weight, joint, weight)
+    assert steps_needed(masked, vector) == 1 < steps_needed(joint, vector)
+
+
 def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
     joint, vector = quiet
     finer = with_steps(joint, 2)

@@ -201,11 +201,7 @@ def select(
         last = steps[-1].accepted
         assert last is not None
         whole = explained(steps[0].before.judgement, last.model.judgement, steps[-1].floor)
-        effects = last.model.judgement.drive.effects
-        if _at_the_noise(last.model, steps[-1]) or (
-            # What contacts leave is chaos, and no effect beside them explains most of that.
-            is_chaotic(last.model) and 1.0 - min(whole) < most_left(effects)
-        ):
+        if _at_the_noise(last.model, steps[-1]) or _leaves_chaos(last.model, whole):
             break
         found = one_round(last.model, number, steps[-1])
         if min(whole) > ENOUGH_SHARE:
@@ -218,6 +214,12 @@ def select(
             return fewer
         steps = exchanged(steps, scales, answer, again)
     return steps
+
+
+def _leaves_chaos(model: Model, whole: tuple[float, float]) -> bool:
+    """Whether contacts are what is missing in the `model`'s machine, having explained these shares of the `whole`: what
+    they leave is chaos, and no effect beside them explains most of that."""
+    return is_chaotic(model) and 1.0 - min(whole) < most_left(model.judgement.drive.effects)
 
 
 def together(model: Model, floor: np.ndarray) -> bool:

@@ -128,7 +128,7 @@ def weigh(
     floor = floor * np.min([colour(power, floor, model.joint) for power in powers], axis=0)
     # Errors that do not count in the fits do not count here either.
     floor = np.maximum(floor, model.joint.batch.eased[:, None])
-    compared, ranked = _ranked(model, refits, floor)
+    ranked = _ranked(model, refits, floor)[1]
     raised = floor
     if is_chaotic(model) and before is not None:
         raised = np.maximum(floor, before.floor)
@@ -139,11 +139,7 @@ def weigh(
             # Nobody is told where in its gap the load begins: that parts two runs where no force does.
             own = scatter(found.joint, found.fitted.vector, max(force, SHAKING))
             raised = _excused(model.judgement, floor, quiet + own)
-    if raised is not floor:
-        above = _ranked(model, refits, raised)
-        # What a gap excuses must not let in another that it does not belong to.
-        if is_chaotic(model) or above[1][0] is ranked[0]:
-            floor, (compared, ranked) = raised, above
+    floor, compared, ranked = _above(model, refits, floor, raised)
     p_values = effect_p_values(trials)
 
     # What another candidate explains far better is not named, even if that one is refused.
@@ -174,6 +170,20 @@ def weigh(
             )
         )
     return Step(model, trials, ranked, [compared[id(r)] for r in ranked], floor, force, accepted, rivals)
+
+
+def _above(
+    model: Model, refits: list[Refitted], floor: np.ndarray, raised: np.ndarray
+) -> tuple[np.ndarray, dict[int, Compared], list[Refitted]]:
+    """The `raised` floor, and the `refits` as they compare above it, best first; the `floor` instead, where what a gap
+    excuses would let in another that it does not belong to."""
+    compared, ranked = _ranked(model, refits, floor)
+    if raised is floor:
+        return floor, compared, ranked
+    excused = _ranked(model, refits, raised)
+    if is_chaotic(model) or excused[1][0] is ranked[0]:
+        return raised, *excused
+    return floor, compared, ranked
 
 
 def _ranked(
