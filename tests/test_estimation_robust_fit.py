@@ -382,6 +382,16 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     assert not led_away
 
 
+def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
+    scales = plant_scales(PLANT, fitted.joint.batch)
+    for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
+        joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
+        with_effect = Fitted(vector, joint.look(vector), 0.0, True)
+        model = Model(joint, with_effect, judge(joint, with_effect))
+        assert told_parameters(model, UNITS)[1].startswith(said)
+        assert bool(told_parameters(model, UNITS)[1]) == bool(said)
+
+
 @pytest.mark.slow
 def test_an_effect_is_fitted_with_the_base():
     drive = PLANT.with_effects(effect("ConstantLoad", load=0.06))

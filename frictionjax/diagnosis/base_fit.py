@@ -8,7 +8,7 @@ import numpy as np
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.begin import Beginning
 from frictionjax.diagnosis.judge import judge
-from frictionjax.diagnosis.refit import Model
+from frictionjax.diagnosis.refit import Model, is_chaotic
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.finer import at_finer_steps
@@ -21,6 +21,11 @@ from frictionjax.physics import Drive
 _COARSE = (
     "The parameters are those of few integration steps a sample, from which finer steps lead far away: they may be off "
     "by more than their errors."
+)
+
+_CHAOTIC = (
+    "The contacts of a gap make the motion chaotic: the errors that are stated are those of the blocks in which it is "
+    "not, and too small."
 )
 
 
@@ -80,8 +85,8 @@ def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
 
 
 def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Estimate], str]:
-    """The same, and what is to be said of them: that the error of the integration is still in them; empty when there is
-    nothing."""
+    """The same, and what is to be said of them: that the error of the integration is still in them, or that the stated
+    errors are too small; empty when there is nothing."""
     joint = model.joint
     vector, away, clusters = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
     hessian = np.asarray(model.fitted.look.hessian)
@@ -90,7 +95,8 @@ def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Esti
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
     else:
         covariance = np.full(hessian.shape, np.inf)
-    return estimates(joint.layout, vector, joint.setting, covariance, units), _COARSE if away else ""
+    message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, is_chaotic(model))) if holds)
+    return estimates(joint.layout, vector, joint.setting, covariance, units), message
 
 
 def message_of(model: Model) -> str:
