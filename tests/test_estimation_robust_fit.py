@@ -105,9 +105,7 @@ def test_standard_errors_carry_units(parameters):
 def test_the_covariance_is_one(fitted, parameters):
     look = fitted.fitted.look
     prior = np.asarray(fitted.joint.setting.prior)
-    finer = at_finer_steps(fitted.joint, fitted.fitted.vector, look)
-    clusters = merged(finer.clusters, fitted.judgement.held_out.size)
-    covariance = sandwich(np.asarray(look.hessian), clusters, prior)
+    covariance = sandwich(np.asarray(look.hessian), np.asarray(look.clusters), prior)
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
@@ -348,9 +346,8 @@ def test_sliding_alone_recovers_the_truth():
 
 
 def test_finer_steps_take_out_what_one_step_a_sample_costs():
-    """Simulated with sixteen steps a sample and a tenth of the noise: a descent takes one step, and is biased. Four
-    short recordings have few clusters, and errors of a stiffness that one of them shows are too small."""
-    batch = make_batch(experiment(noise=0.1 * NOISE, seed=3, substeps=16), encoder_step=0.1 * FINE)
+    """Simulated with sixteen steps a sample and a fiftieth of the noise: a descent takes one step, and is biased."""
+    batch = make_batch(experiment(noise=0.02 * NOISE, seed=3, substeps=16), encoder_step=0.02 * FINE)
     joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     found = descend(slow, vector, graduate=False)
@@ -361,23 +358,22 @@ def test_finer_steps_take_out_what_one_step_a_sample_costs():
     def farthest(values):
         return max(abs(values[name] - expected[name]) / parameters[name].stderr for name in expected)
 
-    assert farthest(coarse) > 20.0
-    assert farthest(fine) < 5.0
+    assert farthest(coarse) > 5.0
+    assert farthest(fine) < 3.0
 
 
 def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
     joint, vector = fitted.joint, fitted.fitted.vector
     away = vector.at[1].add(0.5)
-    kept, led_away, clusters = at_finer_steps(joint, away, joint.look(away))
+    kept, led_away = at_finer_steps(joint, away, joint.look(away))
     np.testing.assert_array_equal(kept, away)
-    np.testing.assert_array_equal(clusters, joint.look(away).clusters)
     assert led_away
     far = told_parameters(Model(joint, Fitted(away, joint.look(away), 0.0, True), fitted.judgement), UNITS)
     assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert told_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
-    kept, led_away, clusters = at_finer_steps(joint, vector, lost)
+    kept, led_away = at_finer_steps(joint, vector, lost)
     np.testing.assert_array_equal(kept, vector)
     assert not led_away
 

@@ -15,7 +15,7 @@ from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import descend
-from frictionjax.estimation.uncertainty import estimates, merged, sandwich
+from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
 _COARSE = (
@@ -88,10 +88,10 @@ def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Esti
     """The same, and what is to be said of them: that the error of the integration is still in them, or that the stated
     errors are too small; empty when there is nothing."""
     joint = model.joint
-    vector, away, clusters = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
-    hessian = np.asarray(model.fitted.look.hessian)
+    vector, away = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
+    # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
+    hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
-        clusters = merged(clusters, model.judgement.held_out.size)
         covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
     else:
         covariance = np.full(hessian.shape, np.inf)

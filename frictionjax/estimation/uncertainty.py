@@ -19,8 +19,7 @@ def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.nda
     fewer than `_FEWEST` would be left.
 
     What a model leaves is correlated over more than half a second where it is seen through parameters that adapt to it:
-    with clusters of 0.5 s errors come out too small, and p-values (`python -m benchmarks.coverage`, `python -m
-    benchmarks.null_p_values`).
+    with clusters of 0.5 s p-values come out too small (`python -m benchmarks.null_p_values`).
     """
     each = gradients.reshape(recordings, -1, gradients.shape[-1])
     for together in (4, 2, 1):
