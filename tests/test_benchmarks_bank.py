@@ -128,7 +128,7 @@ def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path
     assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
 
 
-@pytest.mark.parametrize("folder", ["bank", "bank_31", "bank_32"])
+@pytest.mark.parametrize("folder", ["bank", "bank_31", "bank_32", "bank_33"])
 def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(folder, monkeypatch, capsys):
     benchmarks = Path(diagnosis.__file__).parent
     sums = _told(monkeypatch, capsys, "--out", benchmarks / "results" / folder).partition("### in all\n")[2]
