@@ -19,8 +19,6 @@ from helpers_estimation import (
     truth,
 )
 from helpers_plants import effect
-from hypothesis import given
-from hypothesis import strategies as st
 
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.base_fit import message_of, parameters_of, told_parameters
@@ -33,7 +31,7 @@ from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.robust_fit import Fitted, _step, descend
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import estimates, merged, sandwich
+from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 
 KM = float(PLANT.motor_constant)
@@ -276,64 +274,6 @@ def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
     assert float(longer[-1]) == 0.1
     assert more.misfits([longer])[0] == pytest.approx(joint.misfits([vector])[0], rel=1e-9)
     assert float(more.look(longer).cost) == pytest.approx(float(joint.look(vector).cost), rel=1e-9)
-
-
-def test_sandwich_of_independent_noise_is_the_inverse_information():
-    """Linear regression with white noise: (X'X)^-1, for clusters that are many and large enough."""
-    rng = np.random.default_rng(3)
-    X = rng.standard_normal((20000, 3)) @ np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.3], [0.0, 0.0, 2.0]])
-    e = rng.standard_normal(20000)
-    gradients = (X * e[:, None]).reshape(400, 50, 3).sum(1)
-    found = sandwich(X.T @ X, gradients)
-    # A variance from 400 clusters has a relative standard error of sqrt(2/400).
-    np.testing.assert_allclose(np.diag(found), np.diag(np.linalg.inv(X.T @ X)), rtol=3.0 * np.sqrt(2.0 / 400))
-
-
-def test_sandwich_sees_what_correlates_inside_a_cluster():
-    """A regressor and an error that are constant over each cluster: fifty samples are worth one."""
-    rng = np.random.default_rng(4)
-    x, e = (np.repeat(rng.standard_normal(2000), 50) for _ in range(2))
-    gradients = (x * e).reshape(2000, 50).sum(1)[:, None]
-    found = sandwich(np.array([[x @ x]]), gradients)[0, 0]
-    assert found == pytest.approx(50.0 / (x @ x), rel=3.0 * np.sqrt(2.0 / 2000) * 2.0)
-
-
-@given(
-    recordings=st.integers(1, 4),
-    each=st.integers(1, 60),
-    columns=st.integers(1, 3),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_merged_clusters_keep_the_gradient_and_the_recordings_apart(recordings, each, columns, seed):
-    gradients = np.random.default_rng(seed).standard_normal((recordings, each, columns))
-    found = merged(gradients.reshape(-1, columns), recordings)
-    together = -(-recordings * each // found.shape[0]) if found.shape[0] else 1
-    assert together in (1, 2, 3, 4)
-    np.testing.assert_allclose(
-        found.reshape(recordings, -1, columns).sum(1), gradients.sum(1), atol=1e-9 * recordings * each
-    )
-    if found.shape[0] < recordings * each:
-        assert found.shape[0] >= 30
-
-
-def test_clusters_are_as_long_as_leaves_enough_of_them():
-    """Of 0.5 s where there are few, and of 2 s where there are many; clusters with nothing in them do not count."""
-    for scored, expected in ((200, 50), (100, 50), (60, 30), (50, 50)):
-        gradients = np.zeros((200, 1))
-        gradients[:scored] = 1.0
-        found = merged(gradients, 1)
-        assert np.sum(np.any(found != 0.0, axis=1)) == expected, scored
-
-
-def test_errors_hold_where_clusters_are_correlated():
-    """A regressor and an error that last for four clusters: the variance of 0.5 s is short by the correlation."""
-    rng = np.random.default_rng(5)
-    x, e = (np.repeat(rng.standard_normal(500), 4) for _ in range(2))
-    gradients, hessian = (x * e)[:, None], np.array([[x @ x]])
-    short, long = sandwich(hessian, gradients)[0, 0], sandwich(hessian, merged(gradients, 1))[0, 0]
-    true = 4.0 / (x @ x)
-    assert long == pytest.approx(true, rel=3.0 * np.sqrt(2.0 / 500) * 2.0)
-    assert short < 0.5 * true
 
 
 @pytest.mark.slow
