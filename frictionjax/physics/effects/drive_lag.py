@@ -52,6 +52,7 @@ class DriveLag(AbstractInputEffect):
             return held + behind * decay, (held + behind * integral, off)
 
         mean, off = jax.lax.scan(sample, u[0] + 0.0 * ratio, u)[1]
-        # There is no sample before the first, in which the machine may rest.
+        # There is no sample before the first. In that one a push against the way of a machine at rest would be taken
+        # for a reversal by the scheme, which has another slope there.
         around = jnp.pad(off[2:], (3, 1)) if off.shape[0] > 2 else jnp.zeros(off.shape[0] + 2)
         return mean + 0.5 * (around[2:] - around[:-2])
