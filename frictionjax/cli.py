@@ -148,6 +148,8 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
             return 2
         finally:
             terminal.close()
+    # Nor need they be looked through once more when the process ends.
+    gc.freeze()
     return 0
 
 

@@ -3,13 +3,13 @@
 import dataclasses
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.diagnosis.imposed import smoothing_width, view_of_forces
 from frictionjax.diagnosis.judge import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.estimation.batch import rows_of
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
@@ -80,7 +80,7 @@ def _seen(
     judgement: Judgement, scene: Scene, rows: np.ndarray, length: int, dt: float
 ) -> dict[str, np.ndarray]:
     """What `view` sees in the recordings `rows` of one sample rate, up to `length` samples."""
-    batch = jax.tree.map(lambda leaf: leaf[rows], scene.batch)
+    batch = rows_of(scene.batch, rows)
     cut = tuple(leaf[:, :length] for leaf in (batch.u, batch.x, batch.valid))
     batch = eqx.tree_at(lambda b: (b.u, b.x, b.valid), batch, cut)
     gains = observer_gains(jnp.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 import time
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
 import numpy as np
@@ -143,6 +143,11 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     final = residual.model if residual is not None and residual.helps else last
     progress("judging on every recording", 0.86)
     scene = _with_steps_of(scene, final)
+
+    def told(model: Model) -> Future:
+        return executor.submit(told_parameters, model, units)
+
+    of_base, of_final = told(base), None if final is base else told(final)
     base_view, extended_view = _views(base, final, scene)
     if residual is not None and residual.helps:
         own_view = base_view if last is base else view(last.judgement, scene)
@@ -150,14 +155,11 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         if after > before:
             notes.append(_MISLEADING.format(residual.variable, before, after))
             residual, final, extended_view = None, last, own_view
+            of_final = None if final is base else told(final)
     progress("locating", 0.95)
-    told = [
-        executor.submit(told_parameters, model, units)
-        for model in ((base,) if final is base else (base, final))
-    ]
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
     bins = located.bins
-    (base_parameters, _), (extended, coarse) = told[0].result(), told[-1].result()
+    (base_parameters, _), (extended, coarse) = of_base.result(), (of_final or of_base).result()
     notes += [coarse] if coarse else []
     experiments, not_designed = _experiments(steps, progress)
     notes += not_designed

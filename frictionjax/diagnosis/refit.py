@@ -15,6 +15,7 @@ from frictionjax.diagnosis.search import heavier, load_ratio, searched, told
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
+from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.robust_fit import Fitted, descend
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractLoadEffect
 
@@ -221,7 +222,7 @@ def refit_all(
         own = slice(len(model.joint.layout), len(joint.layout))
         hangs = isinstance(trial.form, AbstractLoadEffect)
         starts = [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
-        other = first_steps(joint, [alone.at[own].set(trial.vector[own]), *starts])
+        other = first_steps(joint, [changed(alone, own, np.asarray(trial.vector)[own]), *starts])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
     def other_starts(joint: Joint, vector) -> list:
@@ -233,7 +234,7 @@ def refit_all(
                 continue
             unit = own.scale if isinstance(own.scale, float) else scales[str(own.scale)]
             value = np.log(own.other_start * unit) if own.transform == "log" else own.other_start
-            start = start.at[place].set(value)
+            start = changed(start, place, value)
         return [] if start is vector else [start]
 
     def lowest(joint: Joint, starts: list) -> Fitted:
@@ -254,12 +255,12 @@ def refit_all(
     def again(trial: Trial, begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
         own = slice(len(model.joint.layout), len(joint.layout))
-        start = joint.setting.start.at[own].set(trial.vector[own])
+        start = changed(joint.setting.start, own, np.asarray(trial.vector)[own])
         if pair is not None and isinstance(trial.form, AbstractLoadEffect):
             shown = {"ratio": pair.ratio, "frequency": np.log(pair.frequency)}
             for place in range(own.start, own.stop):
                 name = joint.layout[place].parameter.name
-                start = start.at[place].set(shown.get(name, start[place]))
+                start = changed(start, place, shown[name]) if name in shown else start
         other = lowest(joint, [start, *other_starts(joint, start)])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
@@ -319,7 +320,8 @@ def refit_all(
 def _placed(joint: Joint, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:
     """`vector` with what a test told: parameters, and the starting deflections of the fitted recordings."""
     count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
-    return vector.at[:count].set(told[:count]).at[count + rows].set(told[count:])
+    places = np.concatenate([np.arange(count), count + rows])
+    return changed(vector, places, told)
 
 
 def is_chaotic(model: Model) -> bool:

@@ -108,13 +108,14 @@ def searched(
 
 def heavier(joint: Joint, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
     """`vector` with the inertia `times` as large, where it is free; stiffness and damping stay what they were."""
-    places, more = {free.path: place for place, free in enumerate(joint.layout)}, jnp.log(times)
+    places, more = {free.path: place for place, free in enumerate(joint.layout)}, float(np.log(times))
     if "J" not in places:
         return vector
     shifts = {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}
+    new = np.array(vector)
     for path, shift in shifts.items():
-        vector = vector.at[places[path]].add(shift)
-    return vector
+        new[places[path]] += shift
+    return jnp.asarray(new)
 
 
 def _sliding(batch: AbstractBatch, deflection: float) -> Float[np.ndarray, " r"]:

@@ -59,7 +59,7 @@ def try_catalogue(
     **Returns:** the trials of the model as it is, and, where it is far from the noise, those of the model where it
     misses all regimes alike (`level_out`).
     """
-    presents = _presents(model)
+    presents = _presents(model, executor)
     present, batch = presents[0], presents[0].joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
@@ -118,13 +118,14 @@ def _worth_refitting(
     return chosen
 
 
-def _presents(model: Model) -> list[Present]:
+def _presents(model: Model, executor: Executor) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
-    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
-    present = present_model(fast, model.fitted.vector)
-    if present.misfit < _LEVELLED or not isinstance(fast.batch, Batch):
-        return [present]
-    return [present, present_model(fast, level_out(fast, model.fitted.vector))]
+    fast, vector = model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
+    present = executor.submit(present_model, fast, vector)
+    if not isinstance(fast.batch, Batch) or fast.misfits([vector])[0] < _LEVELLED:
+        return [present.result()]
+    level = level_out(fast, vector)
+    return [present.result(), present_model(fast, level)]
 
 
 def select(
@@ -149,7 +150,7 @@ def select(
     """
     model = ease(model)
     scales = plant_scales(model.judgement.drive, model.joint.batch)
-    answer = answer_to_force(model.joint, model.fitted.vector)
+    answering = executor.submit(answer_to_force, model.joint, model.fitted.vector)
     joint = model.joint
     pair = None
     if isinstance(joint.batch, Batch):
@@ -171,7 +172,7 @@ def select(
         refits.sort(key=lambda r: -worth[id(r)])
         close = [r for r in refits[:2] if worth[id(r)] > max(_WORTHLESS, worth[id(refits[0])] - _CLOSE)]
         refits[: len(close)] = executor.map(polish, close)
-        return settled(weigh(model, trials, refits, answer, before))
+        return settled(weigh(model, trials, refits, answering.result(), before))
 
     def again(model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
         tried = try_catalogue(model, scales, executor, without | (frozenset(catalogue()) - names), pair)
@@ -180,6 +181,7 @@ def select(
         return trials, refit_all(chosen, model, scales, executor, pair)
 
     first = one_round(model, 0)
+    answer = answering.result()
     own = first.before.judgement.within(first.floor, ADEQUATE_MISFIT)
     if own == (True, False) and together(first.before, first.floor):
         why = "the base model with the parameters of all recordings together is at the noise without it"
@@ -245,7 +247,7 @@ def _better_base(model: Model, refits: list[Refitted]) -> Model:
     slow = model.joint.at_bandwidth(SLOW_BANDWIDTH)
     count, own = len(slow.layout), model.fitted.misfit
     candidates = [
-        jnp.concatenate([r.model.fitted.vector[:count], r.model.fitted.vector[len(r.model.joint.layout) :]])
+        jnp.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.joint.layout))))
         for r in refits
     ]
     if not candidates:

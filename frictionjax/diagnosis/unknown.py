@@ -10,6 +10,7 @@ from frictionjax.diagnosis.name import forms_to_try, try_form
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import Compared, Model, compare
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
+from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS
@@ -78,7 +79,7 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
         _, variable, trial = item
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
-        vector = vector.at[:count].set(trial.vector[:count]).at[count + rows].set(trial.vector[count:])
+        vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
         begun = descend(joint, vector, steps=12, tolerance=0.02)
         slow = joint.at_bandwidth(SLOW_BANDWIDTH)
         fitted = descend(slow, begun.vector, graduate=False, steps=12, tolerance=0.01)

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
@@ -53,6 +53,15 @@ class AbstractBatch(eqx.Module):
     def block_count(self) -> Float[Array, "r b"]:
         """Scored samples in each block, shape `(r, n / block)`."""
         return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+
+
+def rows_of(tree: PyTree, rows: Int[np.ndarray, " k"]) -> PyTree:
+    """These `rows` of every array of a `tree`. By NumPy: no shape is compiled for."""
+
+    def some(leaf):
+        return leaf[rows] if isinstance(leaf, np.ndarray) else jnp.asarray(np.asarray(leaf)[rows])
+
+    return jax.tree.map(some, tree)
 
 
 class Batch(AbstractBatch):

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import AbstractBatch, Batch
+from frictionjax.estimation.batch import AbstractBatch, Batch, rows_of
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.least_squares import Setting, all_columns, compact_jacobian, predicted_errors
 from frictionjax.estimation.no_model import innovations_without_model
@@ -172,11 +172,12 @@ class Joint(eqx.Module):
         rows = np.flatnonzero(np.asarray(self.fitted) > 0)
         count, setting = len(self.layout), self.setting
         kept = np.concatenate([np.arange(count), count + rows])
-        batch = jax.tree.map(lambda leaf: leaf[rows], setting.batch)
-        gains = jax.tree.map(lambda leaf: leaf[rows], setting.gains)
-        weight = setting.weight[rows]
-        setting = Setting(setting.drive, batch, gains, weight, setting.start[kept], setting.prior[kept])
-        return Joint(self.layout, setting, self.fitted[rows], self.most[rows]), jnp.asarray(vector)[kept]
+        batch, gains, weight, fitted, most = rows_of(
+            (setting.batch, setting.gains, setting.weight, self.fitted, self.most), rows
+        )
+        start, prior, vector = rows_of((setting.start, setting.prior, jnp.asarray(vector)), kept)
+        setting = Setting(setting.drive, batch, gains, weight, start, prior)
+        return Joint(self.layout, setting, fitted, most), vector
 
     def errors(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
         """Standardised innovations of each of `vectors`, shape `(k, r, n)`, some at a time."""
@@ -245,7 +246,7 @@ def make_joint(
     layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
     layout += effect_layout(drive, scales or {})
     recordings = batch.x.shape[0]
-    start = jnp.concatenate([pack(layout, drive), jnp.zeros(recordings)])
+    start = jnp.asarray(np.concatenate([pack(layout, drive), np.zeros(recordings)]))
     prior = weak_prior(layout, recordings)
     setting = Setting(drive, batch, observer_gains(FAST_BANDWIDTH, batch.dt), batch.valid, start, prior)
     fitted = jnp.asarray(np.where(held_out, 0.0, 1.0))
@@ -277,7 +278,7 @@ def extend(
     start = pack(added, drive)
 
     def insert(values, more):
-        return jnp.concatenate([values[:old], more, values[old:]])
+        return jnp.asarray(np.insert(np.asarray(values), old, np.asarray(more)))
 
     setting = joint.setting
     setting = Setting(

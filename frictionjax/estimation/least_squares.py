@@ -6,8 +6,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
-import optimistix as optx
 from jaxtyping import Array, Float, Int
 
 from frictionjax.estimation.batch import AbstractBatch
@@ -189,6 +187,9 @@ def levenberg_marquardt(
     undamped.
     """
     # Normal equations: in these coordinates they are well scaled.
+    import lineax as lx  # a quarter of a second, which a diagnosis, whose descent is another, need not wait for
+    import optimistix as optx
+
     solver = optx.LevenbergMarquardt(rtol=1e-3, atol=tolerance, linear_solver=lx.Normal(lx.Cholesky()))
     solution = optx.least_squares(
         lambda step, given: _residual(vector + unit * step, given),

@@ -5,12 +5,13 @@ the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of 
 """
 
 import math
-from collections.abc import Callable
+from types import ModuleType
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, PyTree
 
 from frictionjax.core import Parameter
@@ -59,9 +60,16 @@ class Free(eqx.Module):
         lower, upper = self.parameter.lower, self.upper
         if self.parameter.transform == "log":
             reach = math.log(_REACH.get(self.parameter.name, _WIDEST))
-            low = jnp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
-            return low, jnp.minimum(start + reach, jnp.log(upper))
+            xp = _library(start, upper)
+            low = xp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
+            return low, xp.minimum(start + reach, xp.log(upper))
         return lower / self.scale + 0.0 * start, upper / self.scale + 0.0 * start
+
+
+def _library(*trees: PyTree) -> ModuleType:
+    """Where the numbers in `trees` are known, NumPy: outside of a transformation JAX compiles each operation by itself,
+    hundreds of them where numbers are packed one by one; else JAX."""
+    return jnp if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees)) else np
 
 
 _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
@@ -108,76 +116,91 @@ def part_of(tree: PyTree, path: str) -> PyTree:
     return tree
 
 
-def _getter(path: str) -> Callable:
-    return lambda tree: part_of(tree, path)
-
-
 def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
     """The vector of `drive`'s free parameters, shape `(p,)`."""
+    xp = _library(layout, drive)
+    if xp is np:
+        layout, drive = jax.device_get((layout, drive))
     values = []
-    for free in layout:
-        value = _getter(free.path)(drive)
-        if free.path == "friction.Fs":
-            values.append(jnp.log(jnp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS)))
-        elif free.path == "friction.sigma0":
-            values.append(jnp.log(value / drive.J))
-        elif free.path == "friction.sigma1":
-            values.append(jnp.log(value / (2.0 * jnp.sqrt(drive.friction.sigma0 * drive.J))))
-        elif free.parameter.transform == "log":
-            values.append(jnp.log(value))
-        else:
-            values.append(value / free.scale)
-    start = jnp.stack(values) if values else jnp.zeros(0)
-    # A start on or beyond an end of its range would have no slope.
-    inside = [
-        jnp.clip(start[i], low + INSIDE, high - INSIDE)
-        for i, (low, high) in enumerate(free.range(start[i]) for i, free in enumerate(layout))
-        if layout[i].parameter.transform == "log"
-    ]
-    logs = [i for i, free in enumerate(layout) if free.parameter.transform == "log"]
-    return start.at[jnp.asarray(logs, dtype=int)].set(jnp.stack(inside)) if logs else start
+    # A number that is not positive has no logarithm; its start is the end of its range.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for free in layout:
+            value, coordinate = part_of(drive, free.path), None
+            if free.path == "friction.Fs":
+                coordinate = xp.log(xp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS))
+            elif free.path == "friction.sigma0":
+                coordinate = xp.log(value / drive.J)
+            elif free.path == "friction.sigma1":
+                coordinate = xp.log(value / (2.0 * xp.sqrt(drive.friction.sigma0 * drive.J)))
+            elif free.parameter.transform == "log":
+                coordinate = xp.log(value)
+            else:
+                coordinate = value / free.scale
+            if free.parameter.transform == "log":
+                # A start on or beyond an end of its range would have no slope.
+                low, high = free.range(coordinate)
+                coordinate = xp.clip(coordinate, low + INSIDE, high - INSIDE)
+            values.append(coordinate)
+    return jnp.asarray(xp.stack(values)) if values else jnp.zeros(0)
 
 
 def unpack(
     layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
 ) -> Drive:
     """`drive` with its free parameters set from `vector`; each stays inside its range."""
-    getters = [_getter(free.path) for free in layout]
+    xp = _library(layout, drive, vector, start)
+    if xp is np:
+        layout, known_drive, vector, start = jax.device_get((layout, drive, vector, start))
+    else:
+        known_drive = drive
     values = []
     # Fs is told by Fc, sigma0 by J, sigma1 by both; these come before them in every layout (or are known).
-    known = {"J": drive.J, "friction.sigma0": drive.friction.sigma0, "friction.Fc": drive.friction.Fc}
+    friction = known_drive.friction
+    known = {"J": known_drive.J, "friction.sigma0": friction.sigma0, "friction.Fc": friction.Fc}
     for index, free in enumerate(layout):
-        coordinate = jnp.clip(vector[index], *free.range(start[index]))
+        coordinate = xp.clip(vector[index], *free.range(start[index]))
         if free.parameter.transform == "log":
-            value = jnp.exp(coordinate)
+            value = xp.exp(coordinate)
             if free.path == "friction.Fs":
                 value = known["friction.Fc"] * (1.0 + value)
             elif free.path == "friction.sigma0":
                 value = known["J"] * value
             elif free.path == "friction.sigma1":
-                value = value * 2.0 * jnp.sqrt(known["friction.sigma0"] * known["J"])
+                value = value * 2.0 * xp.sqrt(known["friction.sigma0"] * known["J"])
         else:
             value = coordinate * free.scale
-        value = jnp.clip(value, free.least, free.most)
+        value = xp.clip(value, free.least, free.most)
         if free.path == "friction.Fs":
             # Whatever the user's bound, static friction stays above Coulomb friction.
-            value = jnp.maximum(value, known["friction.Fc"] * (1.0 + _LEAST_EXCESS))
+            value = xp.maximum(value, known["friction.Fc"] * (1.0 + _LEAST_EXCESS))
         known[free.path] = value
         values.append(value)
-    return eqx.tree_at(lambda d: [get(d) for get in getters], drive, values)
+    values = jax.device_put(values) if xp is np else values
+    return eqx.tree_at(lambda d: [part_of(d, free.path) for free in layout], drive, values)
+
+
+def changed(vector: Float[Array, " q"], where: int | slice | np.ndarray, values) -> Float[Array, " q"]:
+    """A copy of `vector` with these `values` where it says; by NumPy, for which no shape is compiled."""
+    new = np.array(vector)
+    new[where] = values
+    return jnp.asarray(new)
 
 
 def physical(
     layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Physical values, shape `(p,)`, and their Jacobian by the vector, shape `(p, p)`: for the delta method."""
-    getters = [_getter(free.path) for free in layout]
+    values, jacobian = _physical(layout, drive, vector, start)
+    return np.asarray(values), np.asarray(jacobian)
 
+
+@eqx.filter_jit
+def _physical(layout, drive, vector, start):
     def values(point):
         full = unpack(layout, drive, point, start)
-        return jnp.stack([get(full) for get in getters])
+        return jnp.stack([part_of(full, free.path) for free in layout])
 
-    return np.asarray(values(vector)), np.asarray(jax.jacfwd(values)(vector))
+    return values(vector), jax.jacfwd(values)(vector)
 
 
 def at_a_bound(
@@ -187,7 +210,7 @@ def at_a_bound(
     `margin` of it; other arguments as in `unpack`."""
     ends = []
     for free, coordinate, first in zip(layout, np.asarray(vector), np.asarray(start), strict=True):
-        low, high = free.range(jnp.asarray(first))
+        low, high = free.range(first)
         near = margin if free.parameter.transform == "log" else 0.0
         if not float(low) + near < float(coordinate) < float(high) - near:
             ends.append(free.label)
@@ -198,4 +221,4 @@ def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Array, " q"]:
     """Inverse standard deviations of the weak prior for the parameters of `layout` and the starting deflections of
     so many `recordings`, shape `(q,)`."""
     deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
-    return 1.0 / jnp.asarray(deviation + [_PRIOR_DEFLECTION] * recordings)
+    return jnp.asarray(1.0 / np.asarray(deviation + [_PRIOR_DEFLECTION] * recordings))

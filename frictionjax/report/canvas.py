@@ -48,8 +48,14 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def stack(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """A figure of panels above one another that share the time axis.
+_spare: dict[tuple[float, ...], list[tuple[Figure, list[Axes]]]] = {}
+
+
+@contextmanager
+def stack(heights: Sequence[float]) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of panels above one another that share the time axis, empty again when the context ends: half the time
+    of a picture is the making of its axes and their ticks, which the next one of these heights takes over. Whoever
+    draws sets all limits and labels.
 
     **Arguments:**
 
@@ -59,6 +65,19 @@ def stack(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
 
     The figure and its axes, top first. No pyplot: nothing to close, no window, any thread.
     """
+    spare = _spare.setdefault(tuple(heights), [])
+    try:
+        figure, axes = spare.pop()
+    except IndexError:
+        figure, axes = _new_stack(heights)
+    yield figure, axes
+    for panel in axes:
+        for artist in (*panel.lines, *panel.collections, *panel.patches, *panel.texts):
+            artist.remove()
+    spare.append((figure, axes))
+
+
+def _new_stack(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     left, right, bottom, top, gap = 0.62, 0.12, 0.42, 0.08, 0.16  # inches
     height = sum(heights) + gap * (len(heights) - 1) + bottom + top
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)

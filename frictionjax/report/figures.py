@@ -46,37 +46,38 @@ def comparison(
         predicted.append(recording.predicted_extended[window])
         free.append(recording.free_extended[window])
     colours = (canvas.BASE, canvas.EXTENDED)
-    figure, (upper, middle, lower) = canvas.stack((1.5, 1.5, 0.6))
+    with canvas.stack((1.5, 1.5, 0.6)) as (figure, (upper, middle, lower)):
+        # Far from zero the axis counts from the first sample: 70 756.1 µm at every tick helps nobody.
+        origin = float(measured[0]) if abs(float(np.nanmean(measured))) > 4 * _span(measured) else 0.0
+        factor, label = engineering(unit, _span(measured))
+        for series, colour in zip(free, colours, strict=False):
+            canvas.line(upper, t, factor * (series - origin), colour, dashed=True, width=0.9)
+        for series, colour in zip(predicted, colours, strict=False):
+            canvas.line(upper, t, factor * (series - origin), colour, width=1.8)
+        canvas.line(upper, t, factor * (measured - origin), canvas.MEASURED, width=0.8)
+        # A free run may leave for good: the measured motion sets the scale, not its escape.
+        upper.set_ylim(
+            limits(*(factor * (series - origin) for series in (measured, *predicted)), margin=0.12)
+        )
+        upper.set_ylabel(_labelled(answer, label))
+        if origin:
+            canvas.note(upper, f"counted from {quantity(origin, unit, 6)}")
 
-    # Far from zero the axis counts from the first sample: 70 756.1 µm at every tick helps nobody.
-    origin = float(measured[0]) if abs(float(np.nanmean(measured))) > 4 * _span(measured) else 0.0
-    factor, label = engineering(unit, _span(measured))
-    for series, colour in zip(free, colours, strict=False):
-        canvas.line(upper, t, factor * (series - origin), colour, dashed=True, width=0.9)
-    for series, colour in zip(predicted, colours, strict=False):
-        canvas.line(upper, t, factor * (series - origin), colour, width=1.8)
-    canvas.line(upper, t, factor * (measured - origin), canvas.MEASURED, width=0.8)
-    # A free run may leave for good: the measured motion sets the scale, not its escape.
-    upper.set_ylim(limits(*(factor * (series - origin) for series in (measured, *predicted)), margin=0.12))
-    upper.set_ylabel(_labelled(answer, label))
-    if origin:
-        canvas.note(upper, f"counted from {quantity(origin, unit, 6)}")
+        errors = [series - measured for series in predicted]
+        factor, label = engineering(unit, max(_size(error) for error in errors))
+        canvas.band(middle, t, np.full(t.size, 2 * factor * recording.noise_floor))
+        for error, colour in zip(errors, colours, strict=False):
+            canvas.line(middle, t, factor * error, colour)
+        middle.set_ylim(limits(*(factor * error for error in errors)))
+        middle.set_ylabel(_labelled("prediction error", label))
 
-    errors = [series - measured for series in predicted]
-    factor, label = engineering(unit, max(_size(error) for error in errors))
-    canvas.band(middle, t, np.full(t.size, 2 * factor * recording.noise_floor))
-    for error, colour in zip(errors, colours, strict=False):
-        canvas.line(middle, t, factor * error, colour)
-    middle.set_ylim(limits(*(factor * error for error in errors)))
-    middle.set_ylabel(_labelled("prediction error", label))
-
-    cause, unit = ("position", plant.position_unit) if answer == "force" else ("input", plant.input_unit)
-    imposed = (recording.x if answer == "force" else recording.u)[window]
-    factor, label = engineering(unit, _size(imposed))
-    canvas.line(lower, t, factor * imposed, canvas.MEASURED, width=0.8)
-    lower.set_ylim(limits(factor * imposed, margin=0.1))
-    lower.set_ylabel(_labelled(cause, label))
-    return _finished(figure, recording, window, mark)
+        cause, unit = ("position", plant.position_unit) if answer == "force" else ("input", plant.input_unit)
+        imposed = (recording.x if answer == "force" else recording.u)[window]
+        factor, label = engineering(unit, _size(imposed))
+        canvas.line(lower, t, factor * imposed, canvas.MEASURED, width=0.8)
+        lower.set_ylim(limits(factor * imposed, margin=0.1))
+        lower.set_ylabel(_labelled(cause, label))
+        return _finished(figure, recording, window, mark)
 
 
 def residual(
@@ -94,16 +95,16 @@ def residual(
     forces = [recording.residual_force[window]]
     if extended:
         forces.append(recording.residual_force_extended[window])
-    figure, (axes,) = canvas.stack((1.5,))
-    factor, label = engineering(plant.force_unit, max(_size(force) for force in forces))
-    canvas.band(axes, t, 2 * factor * std)
-    for force, colour in zip(forces, (canvas.BASE, canvas.EXTENDED), strict=False):
-        canvas.line(axes, t, factor * force, colour)
-    # The band may be wide open where nothing moves: the residuals set the scale, yet a quiet band stays in view.
-    quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
-    axes.set_ylim(limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet])))
-    axes.set_ylabel(_labelled("residual force", label))
-    return _finished(figure, recording, window, mark)
+    with canvas.stack((1.5,)) as (figure, (axes,)):
+        factor, label = engineering(plant.force_unit, max(_size(force) for force in forces))
+        canvas.band(axes, t, 2 * factor * std)
+        for force, colour in zip(forces, (canvas.BASE, canvas.EXTENDED), strict=False):
+            canvas.line(axes, t, factor * force, colour)
+        # The band may be wide open where nothing moves: the residuals set the scale, yet a quiet band stays in view.
+        quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
+        axes.set_ylim(limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet])))
+        axes.set_ylabel(_labelled("residual force", label))
+        return _finished(figure, recording, window, mark)
 
 
 def answer_of(recording: RecordingFit, plant: Plant) -> tuple[str, str, Float[np.ndarray, " n"]]:

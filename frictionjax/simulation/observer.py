@@ -5,6 +5,8 @@ measurement noise and the true model, the root mean square of the innovation is 
 noise (`innovation_gain`), so that "nothing is missing" is an absolute statement.
 """
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -25,12 +27,14 @@ class Gains(eqx.Module):
     velocity: Float[Array, "..."]
 
 
+@partial(jax.jit, inline=True)
 def observer_gains(bandwidth: float | Float[Array, "..."], dt: float | Float[Array, "..."]) -> Gains:
     """Gains for an observer of `bandwidth` Hz on samples of `dt` s."""
     pole = jnp.exp(-2.0 * jnp.pi * jnp.asarray(bandwidth) * jnp.asarray(dt))
     return Gains(1.0 - pole**2, (1.0 - pole) ** 2 / dt)
 
 
+@partial(jax.jit, inline=True)
 def innovation_gain(gains: Gains) -> Float[Array, "..."]:
     """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
 
