@@ -30,10 +30,11 @@ class Pair(NamedTuple):
 def resonance_pair(batch: Batch, rows: np.ndarray) -> Pair | None:
     """The pair in that of the recordings `rows` whose input moves most of it; None where none shows one."""
     best: tuple[float, Pair] | None = None
+    inputs, positions = np.asarray(batch.u), np.asarray(batch.x)
     for row in rows:
         n, rate = int(batch.lengths[row]), 1.0 / float(batch.dt[row])
         segment = min(round(_SEGMENT * rate), n)
-        u, x = np.asarray(batch.u[row, :n]), np.asarray(batch.x[row, :n])
+        u, x = inputs[row, :n], positions[row, :n]
         f, power = welch(u, rate, nperseg=segment)
         _, cross = csd(u, x, rate, nperseg=segment)
         _, answer = welch(x, rate, nperseg=segment)

@@ -72,11 +72,12 @@ def wavelengths(
     profile = np.clip(profile, -most, most)
     finer = 2 if fine else 8
     spectrum = np.abs(np.fft.rfft(profile, finer * bins))
-    cycles = np.arange(spectrum.size) / finer
     shortest = _SHORTEST_WAVE * usual * float(np.min(np.asarray(batch.dt)))
     if fine:
         shortest = max(4.0 * span / bins, _ABOVE_NOISE * float(np.min(np.asarray(batch.noise))))
     least = 20.0 if fine else _FEWEST
+    spectrum = spectrum[: int(finer * span / shortest) + 2]
+    cycles = np.arange(spectrum.size) / finer
     spectrum[(cycles < least) | (cycles > span / shortest)] = 0.0
     peaks, _ = find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
