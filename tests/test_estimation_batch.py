@@ -1,11 +1,12 @@
 """Recordings side by side: noise levels, padding, masks, starting states, blocks."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
-from frictionjax.estimation.batch import make_batch, noise_level, what_was_before
+from frictionjax.estimation.batch import make_batch, noise_level, rows_of, what_was_before
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
@@ -182,3 +183,12 @@ def test_measured_temperatures_are_kept_from_the_first_sample_on():
     np.testing.assert_allclose(kept[0], 9.0 + np.arange(9) * 0.5, atol=0.3)
     cold = Recording("cold", 1000.0, x, x, start_time=200.0)
     assert not np.any(np.asarray(what_was_before((first, cold)).temperature))
+
+
+def test_rows_of_a_batch_are_those_rows_in_every_array(batch):
+    rows = np.array([1])
+    some = rows_of(batch, rows)
+    assert isinstance(some.lengths, np.ndarray)
+    assert isinstance(some.x, jax.Array)
+    for one, whole in zip(jax.tree.leaves(some), jax.tree.leaves(batch), strict=True):
+        np.testing.assert_array_equal(one, np.asarray(whole)[rows])

@@ -1,5 +1,7 @@
 """The free vector: there and back, inside its ranges, and honest about their ends."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,7 +10,15 @@ from helpers_plants import FORMS, effect
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionjax.estimation.parameters import at_a_bound, base_layout, effect_layout, pack, physical, unpack
+from frictionjax.estimation.parameters import (
+    at_a_bound,
+    base_layout,
+    changed,
+    effect_layout,
+    pack,
+    physical,
+    unpack,
+)
 from frictionjax.physics import Drive, LuGre
 
 DT = 5e-4
@@ -176,3 +186,34 @@ def test_physical_jacobian_agrees_with_differences():
     assert jacobian[1, 0] == pytest.approx(float(PLANT.friction.sigma0))
     assert jacobian[2, 0] == pytest.approx(float(PLANT.friction.sigma1))
     assert jacobian[5, 4] == pytest.approx(float(PLANT.friction.Fs))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_known_numbers_are_packed_as_traced_ones_are(name):
+    """By NumPy where the numbers are known, by JAX under a transformation: one answer."""
+    drive = PLANT.with_effects(_with_values(name)[0])
+    layout = BASE + effect_layout(drive, SCALES)
+    vector = pack(layout, drive)
+    traced = jax.jit(lambda drive: pack(layout, drive))(drive)
+    np.testing.assert_allclose(vector, traced, rtol=1e-14, atol=1e-14)
+    moved = vector + 0.01
+    drives = unpack(layout, drive, moved, vector), jax.jit(unpack)(layout, drive, moved, vector)
+    for ours, theirs in zip(*map(jax.tree.leaves, drives), strict=True):
+        assert isinstance(ours, jax.Array)
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_allclose(ours, theirs, rtol=1e-14)
+
+
+def test_what_has_no_logarithm_starts_at_the_end_of_its_range():
+    """And without a word from NumPy: warnings are errors here."""
+    still = eqx.tree_at(lambda drive: drive.friction.sigma1, PLANT, jnp.asarray(0.0))
+    index = [free.label for free in BASE].index("sigma1")
+    low, _ = BASE[index].range(pack(BASE, PLANT)[index])
+    assert float(pack(BASE, still)[index]) == pytest.approx(float(low) + 1e-3)
+
+
+def test_a_changed_vector_is_another():
+    vector = jnp.arange(4.0)
+    again = changed(vector, slice(1, 3), [7.0, 8.0])
+    assert again.tolist() == [0.0, 7.0, 8.0, 3.0]
+    assert vector.tolist() == [0.0, 1.0, 2.0, 3.0]

@@ -17,6 +17,8 @@ from frictionjax.diagnosis.output import register_writer
 from frictionjax.diagnosis.verdict import MismatchBin, Unexplained
 from frictionjax.recordings import Plant
 from frictionjax.report import write_report
+from frictionjax.report.canvas import drawing
+from frictionjax.report.figures import comparison, residual
 from frictionjax.report.page import render
 from frictionjax.report.sections.candidates import Candidates
 from frictionjax.report.sections.mismatch import Mismatch
@@ -224,3 +226,17 @@ def test_an_unknown_motor_constant_is_said():
     assert (
         "every force is per input unit" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
     )
+
+
+@pytest.mark.parametrize("draw", [comparison, residual])
+def test_a_picture_is_the_same_whatever_was_drawn_before_it(draw):
+    """Pictures take over the axes of those before them."""
+    plant = Plant()
+    long, short = fake_recording(n=4000), fake_recording(n=700, repaired=False, seed=1)
+    whole, part = slice(0, 4000), slice(100, 300)
+    with drawing():
+        first = draw(long, plant, True, whole, part)
+        other = draw(replace(short, x=short.x + 5.0), plant, False, part, None)
+        again = draw(long, plant, True, whole, part)
+    assert first == again
+    assert other != again

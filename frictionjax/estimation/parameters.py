@@ -53,17 +53,18 @@ class Free(eqx.Module):
 
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
-        if self.path == "friction.Fs":
-            return math.log(_LEAST_EXCESS) + 0.0 * start, math.log(_MOST_EXCESS) + 0.0 * start
-        if self.path == "friction.sigma1" and not self.imposed:
-            return math.log(_LEAST_RATIO) + 0.0 * start, math.log(_MOST_RATIO) + 0.0 * start
         lower, upper = self.parameter.lower, self.upper
+        xp = _library(start, upper)
+        none = xp.zeros_like(start)
+        if self.path == "friction.Fs":
+            return math.log(_LEAST_EXCESS) + none, math.log(_MOST_EXCESS) + none
+        if self.path == "friction.sigma1" and not self.imposed:
+            return math.log(_LEAST_RATIO) + none, math.log(_MOST_RATIO) + none
         if self.parameter.transform == "log":
             reach = math.log(_REACH.get(self.parameter.name, _WIDEST))
-            xp = _library(start, upper)
             low = xp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
             return low, xp.minimum(start + reach, xp.log(upper))
-        return lower / self.scale + 0.0 * start, upper / self.scale + 0.0 * start
+        return lower / self.scale + none, upper / self.scale + none
 
 
 def _library(*trees: PyTree) -> ModuleType:
