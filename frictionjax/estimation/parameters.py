@@ -123,10 +123,10 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
     if xp is np:
         layout, drive = jax.device_get((layout, drive))
     values = []
-    # A number that is not positive has no logarithm; its start is the end of its range.
+    # What is zero has no logarithm; it starts at the end of its range.
     with np.errstate(divide="ignore", invalid="ignore"):
         for free in layout:
-            value, coordinate = part_of(drive, free.path), None
+            value = part_of(drive, free.path)
             if free.path == "friction.Fs":
                 coordinate = xp.log(xp.maximum(value / drive.friction.Fc - 1.0, _LEAST_EXCESS))
             elif free.path == "friction.sigma0":
