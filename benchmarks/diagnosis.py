@@ -1,7 +1,7 @@
 """`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines that share no equation with it.
 
     python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N]
-    python -m benchmarks.diagnosis --tables [--out FOLDER] [--store FOLDER]
+    python -m benchmarks.diagnosis --tables [--out FOLDER] [--beside FOLDER ...] [--store FOLDER]
 
 Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines that hide one effect are
 diagnosed a second time without it in the catalogue. A run that stops goes on where it was, from the lines in `--out`;
@@ -212,6 +212,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
     parser.add_argument("--part", type=_part, default=(1, 1), help="K/N: every N-th machine from the K-th on")
     parser.add_argument("--tables", action="store_true", help="print what is there, diagnose nothing")
+    parser.add_argument(
+        "--beside", type=Path, nargs="*", default=[], help="more folders that the tables count, too"
+    )
     parser.add_argument("--store", type=Path, help="folder for what is worth keeping of the lines")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
@@ -233,7 +236,9 @@ def main() -> None:
             )
     read = {}
     for plan in PLANS:
-        lines = [line for path in sorted(arguments.out.glob(f"{plan}*.jsonl")) for line in _lines(path)]
+        folders = (arguments.out, *arguments.beside)
+        paths = [path for folder in folders for path in sorted(folder.glob(f"{plan}*.jsonl"))]
+        lines = [line for path in paths for line in _lines(path)]
         read[plan] = sorted(lines, key=lambda line: (line["missing"], STRENGTHS.index(line["strength"])))
     if arguments.store:
         store(arguments.store, read)

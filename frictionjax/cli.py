@@ -148,7 +148,7 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
             return 2
         finally:
             terminal.close()
-    # Nor need they be looked through once more when the process ends.
+    # Nor need cycles be looked for among them once more when the process ends.
     gc.freeze()
     return 0
 

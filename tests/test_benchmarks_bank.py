@@ -128,11 +128,12 @@ def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path
     assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
 
 
-@pytest.mark.parametrize("folder", ["bank", "bank_31", "bank_32", "bank_33"])
-def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(folder, monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["bank", "bank_31", "bank_32", "bank_33", "all"])
+def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(name, monkeypatch, capsys):
     benchmarks = Path(diagnosis.__file__).parent
-    sums = _told(monkeypatch, capsys, "--out", benchmarks / "results" / folder).partition("### in all\n")[2]
+    first, *beside = ["bank", "bank_31", "bank_32", "bank_33"] if name == "all" else [name]
+    results = benchmarks / "results"
+    more = ["--beside", *(results / folder for folder in beside)] if beside else []
+    sums = _told(monkeypatch, capsys, "--out", results / first, *more).partition("### in all\n")[2]
     text = (benchmarks / "README.md").read_text(encoding="utf-8")
-    assert (
-        sums.strip() == text.partition(f"<!-- sums of {folder} -->")[2].partition("<!-- end -->")[0].strip()
-    )
+    assert sums.strip() == text.partition(f"<!-- sums of {name} -->")[2].partition("<!-- end -->")[0].strip()

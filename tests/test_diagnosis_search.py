@@ -173,5 +173,5 @@ def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
     assert found.model.fitted.misfit < 0.6 * fitted.misfit
     assert np.any(np.asarray(found.model.joint.setting.weight) < np.asarray(rigid.batch.valid))
     side = found.model.judgement.drive.load_side
-    # Contacts are chaotic: from starts that differ by 1e-10 five refits ended between 0.246 and 0.262.
+    # Contacts are chaotic: where the refit ends, somewhat light, changes with the rounding.
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=0.25)

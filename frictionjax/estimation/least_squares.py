@@ -187,7 +187,7 @@ def levenberg_marquardt(
     undamped.
     """
     # Normal equations: in these coordinates they are well scaled.
-    import lineax as lx  # a quarter of a second, which a diagnosis, whose descent is another, need not wait for
+    import lineax as lx  # both load slowly, and a diagnosis has a descent of its own
     import optimistix as optx
 
     solver = optx.LevenbergMarquardt(rtol=1e-3, atol=tolerance, linear_solver=lx.Normal(lx.Cholesky()))

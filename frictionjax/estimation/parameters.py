@@ -69,7 +69,7 @@ class Free(eqx.Module):
 
 def _library(*trees: PyTree) -> ModuleType:
     """Where the numbers in `trees` are known, NumPy: outside of a transformation JAX compiles each operation by itself,
-    hundreds of them where numbers are packed one by one; else JAX."""
+    and there are many where numbers are packed one by one; else JAX."""
     return jnp if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees)) else np
 
 

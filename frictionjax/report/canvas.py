@@ -53,9 +53,9 @@ _spare: dict[tuple[float, ...], list[tuple[Figure, list[Axes]]]] = {}
 
 @contextmanager
 def stack(heights: Sequence[float]) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of panels above one another that share the time axis, empty again when the context ends: half the time
-    of a picture is the making of its axes and their ticks, which the next one of these heights takes over. Whoever
-    draws sets all limits and labels.
+    """A figure of panels above one another that share the time axis, empty again when the context ends: the next one of
+    these heights takes over its axes and their ticks, the making of which takes long. Whoever draws sets all limits and
+    labels.
 
     **Arguments:**
 

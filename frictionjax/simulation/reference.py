@@ -21,7 +21,7 @@ _CORNER = 1e-2
 
 @eqx.filter_jit
 def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
-    import diffrax  # a third of a second, which whoever does not judge the scheme need not wait for
+    import diffrax  # it loads slowly, and only those wait who judge the scheme
 
     bristles = drive.bristles()
     force = drive.applied_force(u, dt)
