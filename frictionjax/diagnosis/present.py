@@ -11,7 +11,7 @@ from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import Joint, misfit_of, sum_clusters
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import innovation_gain, observe
 from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
@@ -69,9 +69,8 @@ class Present(eqx.Module):
         signals = _signals(effects, model, self.motion, batch.dt, batch.before)
         stack = np.stack([np.asarray(vector) for vector in filled])
         own = np.concatenate([stack[:, :old], stack[:, more:]], axis=1)
-        return _injected_lanes(
-            self.joint.layout, jnp.asarray(own), self.joint.setting, self.motion.push, signals
-        )
+        push = Push(self.motion.push, self.motion.rise)
+        return _injected_lanes(self.joint.layout, jnp.asarray(own), self.joint.setting, push, signals)
 
     def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
         """`lanes` for any number of vectors, shape `(k, r, n)`."""

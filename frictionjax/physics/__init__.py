@@ -6,3 +6,5 @@ from frictionjax.physics.effects import catalogue as catalogue
 from frictionjax.physics.linearise import Linearization as Linearization
 from frictionjax.physics.linearise import linearize as linearize
 from frictionjax.physics.lugre import LuGre as LuGre
+from frictionjax.physics.push import Push as Push
+from frictionjax.physics.push import mean_of as mean_of

@@ -23,6 +23,7 @@ from frictionjax.physics.effects.base import (
     Now,
 )
 from frictionjax.physics.lugre import LuGre
+from frictionjax.physics.push import Push, mean_of
 
 _LEAST_LEVEL = 0.01  # over Coulomb friction
 
@@ -59,12 +60,18 @@ class Drive(eqx.Module):
         """The bank of bristle elements."""
         return bristles_of(self.effects)
 
-    def applied_force(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
-        """Motor force, shape `(n,)`, held over each sample of `dt` s, for the recorded input `u` of shape `(n,)`."""
+    def applied_force(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
+        """Motor force, shape `(n,)`, held over each sample of `dt` s, for the recorded input `u` of shape `(n,)`; a
+        `Push` where an effect lets it change within a sample. What comes after such an effect acts on the mean."""
+        rises = []
         for effect in self.effects:
             if isinstance(effect, AbstractInputEffect):
-                u = effect.apply(u, dt)
-        return self.motor_constant * u
+                applied = effect.apply(u, dt)
+                u = mean_of(applied)
+                if isinstance(applied, Push):
+                    rises.append(applied.rise)
+        force = self.motor_constant * u
+        return Push(force, self.motor_constant * sum(rises)) if rises else force
 
     def seen(self, x: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " m"]) -> Float[Array, ""]:
         """What the position sensor shows at position `x` and `t` s after the first sample, with the states `hidden` of

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.observer import Gains, corrected
 from frictionjax.simulation.ros2 import advance
@@ -13,7 +13,7 @@ from frictionjax.simulation.ros2 import advance
 
 def residual_force(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     bandwidth: float,

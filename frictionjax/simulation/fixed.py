@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import Before
 from frictionjax.simulation.ros2 import State, advance
 
@@ -77,7 +77,7 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
     push = drive.applied_force(u, dt)
     _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0, before), push)
     # Once the run is there: side by side, where one after the other would hold up the loop.
-    friction = jax.vmap(friction_of)(run, push)
+    friction = jax.vmap(friction_of)(run, mean_of(push))
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
     measured = jax.vmap(drive.seen)(run.x, t, run.hidden)
     return Trajectory(t, run.x, run.v, run.z, friction, measured, substeps)

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import sign
-from frictionjax.physics import Drive, LuGre
+from frictionjax.physics import Drive, LuGre, Push, mean_of
 from frictionjax.physics.effects import (
     About,
     AbstractBristleEffect,
@@ -97,10 +97,11 @@ class Injection(
 _SILENT = {
     **{field.name: 1.0 if field.name in ("lift", "damp") else 0.0 for field in dataclasses.fields(Injection)},
     "more_push": 0.0,
+    "more_rise": 0.0,
     "more_shown": 0.0,
 }
 """All that an effect may add to the equations, and its value where there is none: an `Injection`, and what it adds to
-the motor force (force) and to what the sensor shows (position units)."""
+the motor force and to the rise of that within a sample (force), and to what the sensor shows (position units)."""
 _SLOTS = 2
 """Signals that are stored of each effect, at least: one number for all, so that one compiled model serves them."""
 
@@ -133,13 +134,14 @@ def _signals(parts: dict[str, Float[Array, " n"]], n: int) -> Signals:
 class Along(eqx.Module):
     """What a model knows along one recording; arrays of shape `(n,)`, plain numbers whatever effects the model has.
 
-    **Attributes:** `u` (recorded input), `push` (motor force), `x`, `v`, `z` (LuGre's bristle), `spring` (its force),
-    `level` (G), `w` (velocity that the bristles see), `fast` (that with which LuGre's slips), `lost` (what it
-    slips, of |fast|), `sigma1`, and `a`, the acceleration.
+    **Attributes:** `u` (recorded input), `push` (motor force) and its `rise` within a sample, `x`, `v`, `z`
+    (LuGre's bristle), `spring` (its force), `level` (G), `w` (velocity that the bristles see), `fast` (that with which
+    LuGre's slips), `lost` (what it slips, of |fast|), `sigma1`, and `a`, the acceleration.
     """
 
     u: Float[Array, " n"]
     push: Float[Array, " n"]
+    rise: Float[Array, " n"]
     x: Float[Array, " n"]
     v: Float[Array, " n"]
     z: Float[Array, " n"]
@@ -156,16 +158,18 @@ def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, "
     """What `drive` knows along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s a sample."""
     bristles = drive.bristles()
 
-    def one(state: State, u, push):
+    def one(state: State, u, push, rise):
         spring = drive.spring_force(state.z[0])
         now = drive.instant(state.x, state.v, push, spring, state.hidden)
         level, w, fast = drive.level_at(now), drive.bristle_speed(now), drive.slip_speed(now)
         opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
         lost, a = drive.slip(spring / level, fast), (push - opposing) / drive.J
         sigma1 = drive.sigma1(state.v) + 0.0 * state.v
-        return Along(u, push, state.x, state.v, state.z[0], spring, level, w, fast, lost, sigma1, a)
+        return Along(u, push, rise, state.x, state.v, state.z[0], spring, level, w, fast, lost, sigma1, a)
 
-    return jax.vmap(one)(motion, u, drive.applied_force(u, dt))
+    applied = drive.applied_force(u, dt)
+    rise = applied.rise if isinstance(applied, Push) else jnp.zeros_like(u)
+    return jax.vmap(one)(motion, u, mean_of(applied), rise)
 
 
 def signals_along(
@@ -189,7 +193,10 @@ def signals_along(
     """
     n, found = known.u.shape[0], {}
     if isinstance(effect, AbstractInputEffect):
-        found["more_push"] = motor_constant * (effect.apply(known.u, dt) - known.u)
+        applied = effect.apply(known.u, dt)
+        found["more_push"] = motor_constant * (mean_of(applied) - known.u)
+        if isinstance(applied, Push):
+            found["more_rise"] = motor_constant * applied.rise
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
     first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
 
@@ -254,7 +261,7 @@ def signals_along(
 def injected_innovations(
     drive: Drive,
     signals: Signals,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,
@@ -268,7 +275,9 @@ def injected_innovations(
     def sample(state, inputs):
         push, measured, t, slots = inputs
         parts = signals.parts(slots)
-        push, measured = push + parts.pop("more_push"), measured - parts.pop("more_shown")
+        rise = parts.pop("more_rise") + (push.rise if isinstance(push, Push) else 0.0)
+        push = Push(mean_of(push) + parts.pop("more_push"), rise)
+        measured = measured - parts.pop("more_shown")
         now = drive.with_effects(Injection(**parts))
         bristles = now.bristles()
         innovation = measured - now.seen(state.x, t, state.hidden)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
@@ -60,7 +60,7 @@ def _following(drive: Drive, dt: Float[Array, ""], substeps: int):
 
 def kalman_filter(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     noise: Float[Array, ""],
@@ -103,15 +103,19 @@ def kalman_filter(
         # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how
         # much the mean of |v| is above |mean of v| counts as a noise of the bristle.
         spring = drive.spring_force(state[2])
-        now = drive.instant(state[0], state[1], motor, spring, state[2 + bristles :])
+        now = drive.instant(state[0], state[1], mean_of(motor), spring, state[2 + bristles :])
         bend = spring / drive.level_at(now)
         spread = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
         off = jnp.abs(state[1]) / spread
         above = spread * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
         creep = _LASTING * (bend * dt * above) ** 2
         covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
+
+        def shaken(state, unmeasured):
+            return following(state, motor + unmeasured)
+
         state, columns = jax.vmap(
-            lambda way: jax.jvp(following, (state, motor), (way[:size], way[size])), out_axes=(None, 0)
+            lambda way: jax.jvp(shaken, (state, 0.0), (way[:size], way[size])), out_axes=(None, 0)
         )(directions)
         moved = columns[:size].T
         covariance = moved @ covariance @ moved.T + push**2 * columns[size][:, None] * columns[size][None]
@@ -135,13 +139,13 @@ def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
         innovation, output = tell(_seen(drive, state, t), own)
         return following(state + weight * innovation, motor), output
 
-    t = jnp.arange(force.shape[0], dtype=force.dtype) * dt
+    t = jnp.arange(given.shape[0], dtype=given.dtype) * dt
     return jax.lax.scan(sample, _flat(state_at(drive, start)), (force, given, gain, t))[1]
 
 
 def predicted_with(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gain: Float[Array, "n m"],
@@ -158,7 +162,7 @@ def predicted_with(
 
 def driven_by(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     innovation: Float[Array, " n"],
     dt: Float[Array, ""],
     gain: Float[Array, "n m"],

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
@@ -104,7 +104,7 @@ def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
 
 def observe(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,
@@ -143,7 +143,7 @@ def observe(
 
 def innovations(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     gains: Gains,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
 from frictionjax.simulation.ros2 import advance
@@ -22,7 +22,7 @@ _BATCH = 1024
 
 def run_ahead(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     observed: Observed,
     dt: Float[Array, ""],
     gains: Gains,
@@ -32,7 +32,7 @@ def run_ahead(
     substeps: int = 1,
 ) -> Float[Array, " n"]:
     """`predict_ahead` from what the observer with these `gains` `observed`; for use inside compiled functions."""
-    n = force.shape[0]
+    n = observed.x.shape[0]
     runs = -(-(n - horizon) // stride)
     if runs <= 0:
         return observed.x
@@ -40,14 +40,16 @@ def run_ahead(
     begin = jnp.arange(runs) * stride
     first = jax.tree.map(lambda leaf: leaf[begin], corrected_states(drive, observed, gains))
     # The last run may leave the recording: what it would predict there is cut off below.
-    padded = jnp.concatenate([force, jnp.zeros(stride)])
+    padded = jax.tree.map(lambda leaf: jnp.concatenate([leaf, jnp.zeros(stride)]), force)
 
     def free_run(state, begin):
         def sample(state, inputs):
             push, t = inputs
             return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, t, state.hidden)
 
-        push = jax.lax.dynamic_slice(padded, (begin,), (horizon + stride - 1,))
+        push = jax.tree.map(
+            lambda leaf: jax.lax.dynamic_slice(leaf, (begin,), (horizon + stride - 1,)), padded
+        )
         t = jnp.asarray(begin + jnp.arange(horizon + stride), dtype=dt.dtype) * dt
         state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
         return jnp.concatenate([passed[horizon:], drive.seen(state.x, t[-1], state.hidden)[None]])
@@ -64,7 +66,7 @@ def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps)
 
 def predict_ahead(
     drive: Drive,
-    force: Float[Array, " n"],
+    force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: float | Float[Array, ""],
     gains: Gains,
@@ -101,9 +103,9 @@ def predict_ahead(
     and `x` are not of one length.
     """
     require_x64()
-    force, x = real(force), real(x)
-    if x.ndim != 1 or force.shape != x.shape:
-        raise ValueError(f"`force` has shape {force.shape} and `x` {x.shape}; both must be (n,).")
+    force, x = jax.tree.map(real, force), real(x)
+    if x.ndim != 1 or mean_of(force).shape != x.shape:
+        raise ValueError(f"`force` has shape {mean_of(force).shape} and `x` {x.shape}; both must be (n,).")
     if horizon < 1 or stride < 1:
         raise ValueError(f"`horizon` is {horizon} and `stride` {stride}; both count samples and start at 1.")
     return _predict_ahead(

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real, sign
-from frictionjax.physics import Drive
+from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Trajectory, initial_state
 from frictionjax.simulation.load_side import two_inertias
 
@@ -35,7 +35,10 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
 
     def field(instant, scaled, _):
         x, v, z, hidden = scaled[0] * bend, scaled[1] * speed, scaled[2:last] * bend, scaled[last:] * bend
-        held = force[jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)]
+        sample = jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)
+        held = mean_of(force)[sample]
+        if isinstance(force, Push):
+            held = held + force.rise[sample] * ((instant - t[sample]) / dt - 0.5)
         spring, sigma0 = drive.spring_force(z[0]), drive.friction.sigma0
         now = drive.instant(x, v, held, spring, hidden)
         level = drive.level_at(now)
@@ -84,7 +87,7 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
         scaled[:, last:] * bend,
     )
     friction = jax.vmap(lambda x, v, z, own, push: drive.friction_force(bristles, x, v, z, dt, own, push)[0])(
-        x, v, z, hidden, force
+        x, v, z, hidden, mean_of(force)
     )
     return Trajectory(t, x, v, z, friction, jax.vmap(drive.seen)(x, t, hidden))
 
@@ -104,9 +107,10 @@ def simulate_reference(
     """Simulate `drive` on the sampled input `u`, held between samples, as exactly as float64 allows.
 
     Kvaerno's implicit method of order 5 with adaptive steps: some hundred to a thousand times slower than `simulate`,
-    for single runs. Works under jit and in forward-mode derivatives. Two things are not exact: effects of the input
-    act on its mean over each sample, as in `simulate`; and elasto-slip elements go from sticking to slipping over the
-    last hundredth of their yield (0.5 % of the motion), because an adaptive method stalls at a sharp corner.
+    for single runs. Works under jit and in forward-mode derivatives. Two things are not exact: what an effect of the
+    input lets change within a sample is a straight line, as in `simulate`; and elasto-slip elements go from sticking to
+    slipping over the last hundredth of their yield (0.5 % of the motion), because an adaptive method stalls at a sharp
+    corner.
 
     **Arguments:**
 

@@ -14,10 +14,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.physics import Bristles, Drive
+from frictionjax.physics import Bristles, Drive, Push, mean_of
 from frictionjax.simulation.load_side import contact, relaxed
 
 _GAMMA = 1.0 - 0.5**0.5
+# Under forces m - d and m + d in the two stages a mass goes m h^2/(2 J) - d (1/2 - g) h^2/J; a line that rises by r
+# takes it m h^2/(2 J) - r h^2/(12 J).
+_APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 # A bristle never bends beyond G/sigma0; this many times as far is more than a good step ever throws it.
 _BENT = 2.5
 
@@ -36,17 +39,21 @@ def ros2_step(
     drive: Drive,
     bristles: Bristles,
     state: State,
-    force: Float[Array, ""],
+    force: Float[Array, ""] | Push,
     h: Float[Array, ""],
     *,
     exact_derivative: bool = True,
 ) -> State:
-    """Advance `state` by `h` s under the motor force `force`, held over the step.
+    """Advance `state` by `h` s under the motor force `force`, held over the step, or a `Push` that changes in it.
 
     Without `exact_derivative` the derivatives of A are left out of what is differentiated. As the order does not rest
     on A, derivatives stay correct to second order in `h`, at less than half the cost: right for the Jacobians of fits.
     """
     friction = drive.friction
+    # Each stage takes its own force: by these two a mass comes to the position that the line takes it to.
+    mean = early = late = mean_of(force)
+    if isinstance(force, Push):
+        early, late = mean - _APART * force.rise, mean + _APART * force.rise
     gh = _GAMMA * h
     side, own = drive.load_side, drive.state_count
     mobility = 1.0 / drive.J if side is None else 1.0 / (drive.J * (1.0 - side.ratio))
@@ -79,7 +86,7 @@ def ros2_step(
     # effects relax by their own exact step: they stay outside A. The bristles see the velocity w, and LuGre's slips
     # with s.
     def moving(speed):
-        now = drive.instant(x, speed, force, spring, state.hidden)
+        now = drive.instant(x, speed, mean, spring, state.hidden)
         speeds = drive.bristle_speed(now), drive.slip_speed(now)
         return (*speeds, drive.level_at(now), drive.parallel_force(now)), drive.relaxation(now)
 
@@ -100,7 +107,7 @@ def ros2_step(
     # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
     # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
     # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
-    ahead = v + h * (force - friction_now) * mobility
+    ahead = v + h * (mean - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
 
     def faster(speed, slope):
@@ -110,7 +117,7 @@ def ros2_step(
     if drive.has_force_effects:
         # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
         def beyond(speed):
-            return drive.parallel_force(drive.instant(x, speed, force, spring, state.hidden))
+            return drive.parallel_force(drive.instant(x, speed, mean, spring, state.hidden))
 
         _, beyond_v = jax.jvp(beyond, (ahead,), (jnp.ones_like(v),))
         beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
@@ -162,13 +169,13 @@ def ros2_step(
 
     w_load = load[1] if side is not None else 0.0
     k1_v, k1_z, k1_plays, k1_d, k1_w = solve(
-        (force - friction_now) * mobility - heavy * a2, rate, moved, w_load, a2 - free
+        (early - friction_now) * mobility - heavy * a2, rate, moved, w_load, a2 - free
     )
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
     spring_1 = drive.spring_force(z1)
     ahead_hidden = relaxed(hidden, flow[0], flow[1], h) if own else hidden
-    now_1 = drive.instant(x1, v1, force, spring_1, ahead_hidden)
+    now_1 = drive.instant(x1, v1, mean, spring_1, ahead_hidden)
     level_1, w1, s1 = drive.level_at(now_1), drive.bristle_speed(now_1), drive.slip_speed(now_1)
     rate_1 = w1 - jnp.abs(s1) * drive.slip(spring_1 / level_1, s1)
     limit_1 = level_1 * slack
@@ -184,7 +191,7 @@ def ros2_step(
         a2_1, w_load_1 = contact(side, load_1)[0], load_1[1]
         free_1 = side.drag * (v1 + w_load_1)
     k2_v, k2_z, _, k2_d, k2_w = solve(
-        (force - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,
+        (late - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,
         rate_1 - 2.0 * k1_z,
         moved_1 - 2.0 * k1_plays,
         w_load_1 - 2.0 * k1_d,
@@ -221,18 +228,22 @@ def advance(
     drive: Drive,
     bristles: Bristles,
     state: State,
-    force: Float[Array, ""],
+    force: Float[Array, ""] | Push,
     dt: Float[Array, ""],
     substeps: int,
     *,
     exact_derivative: bool = True,
 ) -> State:
-    """Advance by one sample of `dt` s in `substeps` equal steps; see `ros2_step`."""
+    """Advance by one sample of `dt` s in `substeps` equal steps under the `force` of the sample; see `ros2_step`."""
     if substeps == 1:
         return ros2_step(drive, bristles, state, force, dt, exact_derivative=exact_derivative)
     h = dt / substeps
 
-    def part(_, now):
-        return ros2_step(drive, bristles, now, force, h, exact_derivative=exact_derivative)
+    def part(number, now):
+        push = force
+        if isinstance(force, Push):
+            middle = (number + 0.5) / substeps - 0.5
+            push = Push(force.mean + middle * force.rise, force.rise / substeps)
+        return ros2_step(drive, bristles, now, push, h, exact_derivative=exact_derivative)
 
     return jax.lax.fori_loop(0, substeps, part, state)

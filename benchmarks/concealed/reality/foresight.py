@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .kernel import clocks, measured, through_sample
+from .kernel import clocks, measured, shown_late, through_sample
 from .laws import core_level, level_of, place_level, sliding_deflection, yielding
 
 
@@ -22,7 +22,7 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
     p = knobs[0]
     s = state[0]
     n = y.size
-    seen = np.zeros(n)
+    seen, speed = np.zeros(n), np.zeros(n)
     h = dt / substeps
     whole = int(p.delay / dt)
     switch = (p.delay / dt - whole) * substeps
@@ -32,12 +32,14 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
     for k in range(n):
         clocks(p, s, start + k * dt)
         seen[k] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
-        s.seen = (1.0 - part) * seen[max(k - late, 0)] + part * seen[max(k - late - 1, 0)]
+        speed[k] = s.v
+        s.seen = shown_late(seen, speed, k, late, part, dt)
         off = y[k] - measured(p, s)
         moved = gains[0] * off
         s.x, s.x2, s.ys, s.play = s.x + moved, s.x2 + moved, s.ys + moved, s.play + moved
         seen[k] += moved
         s.v += gains[1] * off
+        speed[k] = s.v
         s.v2 += gains[1] * off
         place_level(p, s, s.x)
         s.core = core_level(p, s, s.v)
@@ -72,14 +74,15 @@ def ahead(knobs, kept, every, worth, horizon, last, start, dt, substeps):
             break
         state = kept[i : i + 1].copy()
         s = state[0]
-        seen = np.zeros(horizon + last)
+        seen, speed = np.zeros(horizon + last), np.zeros(horizon + last)
         for j in range(horizon + last):
             k = begin + j
             if j > 0:
                 s.ou *= ou_e
             clocks(p, s, start + k * dt)
             seen[j] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
-            s.seen = (1.0 - part) * seen[max(j - late, 0)] + part * seen[max(j - late - 1, 0)]
+            speed[j] = s.v
+            s.seen = shown_late(seen, speed, j, late, part, dt)
             if j >= horizon:
                 shown[k] = measured(p, s)
             new = worth[k - whole] if k >= whole else 0.0

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.lugre import LuGre
+from frictionjax.physics.push import Push
 
 
 class About(eqx.Module):
@@ -90,8 +91,9 @@ class AbstractInputEffect(AbstractEffect):
     """Slot: the path from the input to the force. Acts on the whole input sequence, before the plant."""
 
     @abstractmethod
-    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
-        """Input `u` (shape (n,), held for `dt` s) as the plant receives it: its mean over each sample."""
+    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
+        """Input `u` (shape (n,), held for `dt` s) as the plant receives it: held, or a `Push` of input units where it
+        changes within a sample."""
 
 
 class AbstractSensorEffect(AbstractEffect):

@@ -9,13 +9,15 @@ from jaxtyping import Array, Float
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractInputEffect
+from frictionjax.physics.push import Push
 
 
 class Delay(AbstractInputEffect):
     """The plant receives u(t - delay).
 
-    For an input held between samples the mean over a sample of the delayed input is exactly the mix of two
-    neighbouring samples, which makes the delay differentiable (an integer shift would have no gradient).
+    For an input held between samples the delayed input changes once within a sample, from one of two neighbours to the
+    other: mean and first moment are exact, which makes the delay differentiable (an integer shift would have no
+    gradient).
 
     **Arguments:**
 
@@ -38,7 +40,7 @@ class Delay(AbstractInputEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
+    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Push:
         samples = self.delay / dt
         whole = jnp.floor(samples)
         part = samples - whole
@@ -46,4 +48,4 @@ class Delay(AbstractInputEffect):
         # Before the first sample the input is taken to have been at its first value.
         newer = u[jnp.clip(index, 0, u.shape[0] - 1)]
         older = u[jnp.clip(index - 1, 0, u.shape[0] - 1)]
-        return (1.0 - part) * newer + part * older
+        return Push((1.0 - part) * newer + part * older, 6.0 * part * (1.0 - part) * (newer - older))

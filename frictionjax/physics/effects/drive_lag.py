@@ -10,14 +10,13 @@ from jaxtyping import Array, Float
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractInputEffect
+from frictionjax.physics.push import Push
 
 
 class DriveLag(AbstractInputEffect):
     """time_constant di/dt = u - i, the plant receives i; solved exactly for an input held between samples.
 
-    The plant takes one force a sample. Its mean moves the machine to the right velocity at the end of the sample, and,
-    since i is not constant, to a position that is off by d dt^2/J with d = (second integral of the force)/dt^2 -
-    mean/2. Forces d/2 in the sample before and -d/2 in the one after mend the position and leave the velocity.
+    Mean and first moment of the current are exact in each sample.
 
     **Arguments:**
 
@@ -40,7 +39,7 @@ class DriveLag(AbstractInputEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"]:
+    def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Push:
         ratio = self.time_constant / dt
         active = ratio > 1e-3  # exp(-1/ratio) is 0 to the last bit below
         decay = jnp.where(active, jnp.exp(-1.0 / jnp.where(active, ratio, 1.0)), 0.0)
@@ -52,7 +51,4 @@ class DriveLag(AbstractInputEffect):
             return held + behind * decay, (held + behind * integral, off)
 
         mean, off = jax.lax.scan(sample, u[0] + 0.0 * ratio, u)[1]
-        # There is no sample before the first. In that one a push against the way of a machine at rest would be taken
-        # for a reversal by the scheme, which has another slope there.
-        around = jnp.pad(off[2:], (3, 1)) if off.shape[0] > 2 else jnp.zeros(off.shape[0] + 2)
-        return mean + 0.5 * (around[2:] - around[:-2])
+        return Push(mean, -12.0 * off)
