@@ -66,7 +66,9 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     full = with_effect(with_effect(base, "load", scales), "lag", scales)
     rest = with_some(base, full, [1], scales)
     assert [type(e).__name__ for e in rest.joint.setting.drive.effects] == ["DriveLag"]
-    assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-3)
+    # The load that is missing leaves sigma2 and vs in a flat valley: from the better start it ends a little lower.
+    assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-2)
+    assert rest.fitted.misfit < alone.fitted.misfit * (1.0 + 1e-3)
     back = with_some(base, full, [0, 1], scales)
     assert back.fitted.misfit == pytest.approx(full.fitted.misfit, rel=1e-3)
 

@@ -31,7 +31,7 @@ from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.robust_fit import Fitted, _step, descend
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import estimates, sandwich
+from frictionjax.estimation.uncertainty import cautious_covariance, estimates
 from frictionjax.physics import Drive
 
 KM = float(PLANT.motor_constant)
@@ -102,8 +102,8 @@ def test_standard_errors_carry_units(parameters):
 
 def test_the_covariance_is_one(fitted, parameters):
     look = fitted.fitted.look
-    prior = np.asarray(fitted.joint.setting.prior)
-    covariance = sandwich(np.asarray(look.hessian), np.asarray(look.clusters), prior)
+    recordings = fitted.joint.setting.batch.x.shape[0]
+    covariance = cautious_covariance(np.asarray(look.hessian), np.asarray(look.clusters), recordings)
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))

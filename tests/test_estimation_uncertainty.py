@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionjax.estimation.uncertainty import merged, sandwich
+from frictionjax.estimation.uncertainty import cautious_covariance, merged, sandwich
 
 
 def test_sandwich_of_independent_noise_is_the_inverse_information():
@@ -63,3 +63,23 @@ def test_errors_hold_where_clusters_are_correlated():
     true = 4.0 / (x @ x)
     assert long == pytest.approx(true, rel=3.0 * np.sqrt(2.0 / 500) * 2.0)
     assert short < 0.5 * true
+
+
+def test_no_variance_is_below_any_of_the_three():
+    """Errors that last for four clusters; a coordinate whose gradient never scatters; and as many draws of plain noise,
+    in which each of the two sandwiches is often the smaller one."""
+    rng = np.random.default_rng(6)
+    lasting = np.repeat(rng.standard_normal((500, 2)), 4, axis=0)
+    lasting[:, 1] = 0.0
+    found = cautious_covariance(np.diag([2000.0, 50.0]), lasting, 1)
+    assert found[0, 0] == pytest.approx(sandwich(np.diag([2000.0, 50.0]), merged(lasting, 1))[0, 0])
+    assert found[1, 1] == pytest.approx(1.0 / 50.0)
+    short = 0
+    for _ in range(50):
+        gradients = rng.standard_normal((200, 1)) * np.sqrt(10.0 / 200)
+        hessian = np.array([[10.0]])
+        found = cautious_covariance(hessian, gradients, 1)[0, 0]
+        three = sandwich(hessian, gradients)[0, 0], sandwich(hessian, merged(gradients, 1))[0, 0], 0.1
+        assert found == pytest.approx(max(three))
+        short += three[0] < found
+    assert short > 10

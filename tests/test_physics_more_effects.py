@@ -180,6 +180,25 @@ def test_an_elastic_core_does_not_slip_and_sliding_is_steady(core):
     np.testing.assert_allclose(_slip(half, bend), 0.5 * (bend + expected), atol=1e-15)
 
 
+def test_overtones_of_the_rise_cover_other_rises():
+    """Over its whole range it never falls; one value of it is, to 0.3 %, the cubic 3 w^2 - 2 w^3."""
+    way = np.linspace(0.0, 1.0, 401)
+    bend = 0.4 + 0.6 * way
+
+    def alpha(overtone):
+        made = effect("ElastoPlastic", plasticity=1.0, core=0.4, overtone=overtone)
+        return np.asarray(_slip(made, bend)) / bend
+
+    parameter = {p.name: p for p in type(effect("ElastoPlastic")).nuisances}["overtone"]
+    for overtone in (parameter.lower, 0.0, parameter.upper):
+        rise = alpha(overtone)
+        assert rise[0] == pytest.approx(0.0, abs=1e-12) and rise[-1] == pytest.approx(1.0)
+        assert np.min(np.diff(rise)) > -1e-12
+    cubic = way**2 * (3.0 - 2.0 * way)
+    assert np.max(np.abs(alpha(0.0) - cubic)) > 8e-3
+    assert min(np.max(np.abs(alpha(c) - cubic)) for c in np.linspace(0.005, 0.02, 16)) < 3e-3
+
+
 def test_an_elastic_core_does_not_creep_under_vibration():
     """Two thirds of break-away with a vibration of a fifth: LuGre drifts, an elastic core stays."""
     t = np.arange(4000) / RATE

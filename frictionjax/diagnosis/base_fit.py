@@ -15,7 +15,7 @@ from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.robust_fit import descend
-from frictionjax.estimation.uncertainty import estimates, sandwich
+from frictionjax.estimation.uncertainty import cautious_covariance, estimates
 from frictionjax.physics import Drive
 
 _COARSE = (
@@ -79,8 +79,8 @@ def fit_base(
 
 
 def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
-    """Physical values of the free parameters of `model`, without the error of the integration, with
-    standard errors by the clustered sandwich; `units` maps force, position, input to unit names."""
+    """Physical values of the free parameters of `model`, without the error of the integration, with standard errors
+    that are rather large than small (`cautious_covariance`); `units` maps force, position, input to unit names."""
     return told_parameters(model, units)[0]
 
 
@@ -92,7 +92,7 @@ def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Esti
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
     hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
-        covariance = sandwich(hessian, clusters, np.asarray(joint.setting.prior))
+        covariance = cautious_covariance(hessian, clusters, joint.setting.batch.x.shape[0])
     else:
         covariance = np.full(hessian.shape, np.inf)
     message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, is_chaotic(model))) if holds)

@@ -11,7 +11,6 @@ from frictionjax.estimation.parameters import Free, physical
 
 _FEWEST = 30
 """Clusters: with fewer their scatter is hardly known."""
-_LEANS = 0.25  # of the prior's variance: data that leave more of it than this say little
 
 
 def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.ndarray, "m k"]:
@@ -30,20 +29,28 @@ def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.nda
     return sums
 
 
-def sandwich(hessian: np.ndarray, gradients: np.ndarray, prior: np.ndarray | None = None) -> np.ndarray:
-    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, shape `(q, q)`.
-
-    A coordinate whose curvature is mostly that of its weak prior (`prior`: inverse standard deviations, shape `(q,)`)
-    is not known from the data, however little they scatter along it: its variance is then not below H^-1.
-    """
+def sandwich(
+    hessian: Float[np.ndarray, "q q"], gradients: Float[np.ndarray, "c q"]
+) -> Float[np.ndarray, "q q"]:
+    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, from the gradient of each cluster."""
     inverse = np.linalg.pinv(hessian, hermitian=True)
     active = int(np.sum(np.any(gradients != 0.0, axis=1)))
-    covariance = inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
-    if prior is not None:
-        own = np.diag(inverse)
-        leans = own * prior**2 > _LEANS
-        covariance += np.diag(np.where(leans, np.maximum(own - np.diag(covariance), 0.0), 0.0))
-    return covariance
+    return inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
+
+
+def cautious_covariance(
+    hessian: Float[np.ndarray, "q q"], gradients: Float[np.ndarray, "c q"], recordings: int
+) -> Float[np.ndarray, "q q"]:
+    """The sandwich with clusters of 0.5 s, its variances raised where longer clusters or H^-1 say more.
+
+    Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer, those
+    of 2 s because they are few, whose scatter comes out small more often than large, and both where a coordinate is
+    held by its weak prior, along which the data do not scatter; H^-1 where errors are correlated.
+    """
+    covariance = sandwich(hessian, gradients)
+    others = sandwich(hessian, merged(gradients, recordings)), np.linalg.pinv(hessian, hermitian=True)
+    most = np.max([np.diag(other) for other in others], axis=0)
+    return covariance + np.diag(np.maximum(most - np.diag(covariance), 0.0))
 
 
 def estimates(
