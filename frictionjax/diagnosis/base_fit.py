@@ -92,7 +92,13 @@ def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Esti
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
     hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
-        covariance = cautious_covariance(hessian, clusters, joint.setting.batch.x.shape[0])
+        covariance = cautious_covariance(
+            hessian,
+            clusters,
+            joint.curvatures(model.fitted.vector),
+            np.asarray(joint.setting.prior),
+            joint.setting.batch.x.shape[0],
+        )
     else:
         covariance = np.full(hessian.shape, np.inf)
     message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, is_chaotic(model))) if holds)

@@ -101,6 +101,22 @@ def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
     return Look(power, cost, gradient, hessian + jnp.diag(setting.prior**2), clusters)
 
 
+@eqx.filter_jit
+def _curvatures(layout, vector, setting: Setting, fitted, most):
+    """Parts of the Gauss-Newton matrix by cluster in the parameters and the own starting deflection, `(r, c, k, k)`."""
+    e, columns = _told_jacobian(layout, vector, setting, most)
+    batch = setting.batch
+    weight = jnp.repeat(1.0 / (block_power(e, batch) + 1.0), batch.block, axis=-1) * setting.weight
+    columns = columns.at[: len(layout)].multiply(fitted[None, :, None])
+    length = batch.block * CLUSTER_BLOCKS
+    short = ((0, 0), (0, 0), (0, -columns.shape[-1] % length))
+    seen, weighted = (
+        jnp.pad(some, short).reshape(*some.shape[:2], -1, length)
+        for some in (columns, columns * weight[None])
+    )
+    return jnp.einsum("irct,jrct->rcij", seen, weighted)
+
+
 def sum_clusters(values: Float[Array, "q r n"], block: int) -> Float[Array, "c q"]:
     """Sums of `values` over clusters of 0.5 s (`CLUSTER_BLOCKS` blocks of `block` samples)."""
     length = block * CLUSTER_BLOCKS
@@ -166,6 +182,17 @@ class Joint(eqx.Module):
     ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
         """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
         return _errors_and_columns(self.layout, vector, self.setting, self.most)
+
+    def curvatures(self, vector: Float[Array, " q"]) -> Float[np.ndarray, "c q q"]:
+        """The part that each cluster of 0.5 s has in the Hessian of `look` at `vector`; without the prior, which is
+        nobody's, they add up to it."""
+        own = np.asarray(_curvatures(self.layout, vector, self.setting, self.fitted, self.most))
+        count, (recordings, each) = len(self.layout), own.shape[:2]
+        whole = np.zeros((recordings, each, count + recordings, count + recordings))
+        for row in range(recordings):
+            places = np.append(np.arange(count), count + row)
+            whole[row][:, places[:, None], places] = own[row]
+        return whole.reshape(-1, *whole.shape[2:])
 
     def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Joint", Float[Array, " q"]]:
         """The fitted recordings alone, and what is left of `vector`."""

@@ -11,6 +11,7 @@ from frictionjax.estimation.parameters import Free, physical
 
 _FEWEST = 30
 """Clusters: with fewer their scatter is hardly known."""
+_MOST_OWN = 0.9
 
 
 def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.ndarray, "m k"]:
@@ -38,18 +39,47 @@ def sandwich(
     return inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
 
 
-def cautious_covariance(
-    hessian: Float[np.ndarray, "q q"], gradients: Float[np.ndarray, "c q"], recordings: int
+def jackknife(
+    hessian: Float[np.ndarray, "q q"],
+    gradients: Float[np.ndarray, "c q"],
+    curvatures: Float[np.ndarray, "c q q"],
 ) -> Float[np.ndarray, "q q"]:
-    """The sandwich with clusters of 0.5 s, its variances raised where longer clusters or H^-1 say more.
+    """Covariance (c-1)/c sum_c d_c d_c' of the free vector, d_c = (H - H_c)^-1 g_c what it would change by without
+    cluster c.
 
-    Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer, those
-    of 2 s because they are few, whose scatter comes out small more often than large, and both where a coordinate is
-    held by its weak prior, along which the data do not scatter; H^-1 where errors are correlated.
+    A break-away that a small force brings forward tells more than seconds of sliding, and the fit bends to it: what is
+    left there is small, and so is the sandwich, which takes every cluster for one of many. Of a cluster that tells
+    everything only `_MOST_OWN` is taken away: there is nobody to contradict it.
     """
-    covariance = sandwich(hessian, gradients)
-    others = sandwich(hessian, merged(gradients, recordings)), np.linalg.pinv(hessian, hermitian=True)
-    most = np.max([np.diag(other) for other in others], axis=0)
+    seen = np.any(gradients != 0.0, axis=1)
+    gradients, rest = gradients[seen], hessian - _MOST_OWN * curvatures[seen]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    matrices = rest * np.outer(scale, scale)
+    changes = scale * np.linalg.solve(matrices, (gradients * scale)[..., None])[..., 0]
+    return changes.T @ changes * (max(len(changes) - 1, 1) / max(len(changes), 1))
+
+
+def cautious_covariance(
+    hessian: Float[np.ndarray, "q q"],
+    gradients: Float[np.ndarray, "c q"],
+    curvatures: Float[np.ndarray, "c q q"],
+    prior: Float[np.ndarray, " q"],
+    recordings: int,
+) -> Float[np.ndarray, "q q"]:
+    """The jackknife over clusters of 0.5 s, its variances raised where longer clusters or white errors say more.
+
+    Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer; those
+    of 2 s because they are few; both where a coordinate is held by its weak `prior` (inverse standard deviations),
+    along which the data do not scatter; and white errors H^-1 (H_data/2 + prior^2) H^-1 (a half is the Cauchy weight of
+    a block at the noise) where errors are correlated.
+    """
+    count = hessian.shape[0]
+    inverse = np.linalg.pinv(hessian, hermitian=True)
+    white = inverse @ (hessian + np.diag(prior**2)) @ inverse / 2.0
+    covariance = jackknife(hessian, gradients, curvatures)
+    long = merged(np.concatenate([gradients, curvatures.reshape(-1, count * count)], axis=1), recordings)
+    long = jackknife(hessian, long[:, :count], long[:, count:].reshape(-1, count, count))
+    most = np.maximum(np.diag(white), np.diag(long))
     return covariance + np.diag(np.maximum(most - np.diag(covariance), 0.0))
 
 
