@@ -22,6 +22,7 @@ from benchmarks.diagnosis import SIZES
 from frictionjax.core import keep_compiled
 from frictionjax.diagnosis import base_fit
 from frictionjax.diagnosis.begin import Beginning, begin
+from frictionjax.diagnosis.floor import answer_to_force, force_noise, quietness
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
@@ -52,12 +53,18 @@ def _fitted(joint: Joint, vector) -> Model:
     return Model(slow, fitted, judge(slow, fitted))
 
 
+def _force(model: Model) -> float:
+    """The unmeasured force over Fc, as the weighing of candidates tells it."""
+    answer, power = answer_to_force(model.joint, model.fitted.vector), model.judgement.power
+    return force_noise(power, answer, model.joint, quietness(power, answer, model.joint))
+
+
 def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
     simulated = make_case(seed, missing=(), strength="strong")
     begun, truth = begin(case_of(simulated)), simulated.truth["base"]
     model = _fitted(*make_joint(_true_drive(begun, truth), begun.batch, begun.held_out))
-    slow, found = model.joint, base_fit.parameters_of(model, {})
+    slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.setting.drive, vector[:count], slow.setting.start[:count])
     one = {
@@ -87,7 +94,7 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     look = model.fitted.look
     alone = sandwich(np.asarray(look.hessian), np.asarray(look.clusters))
     other = estimates(model.joint.layout, model.fitted.vector, model.joint.setting, alone, {})[ours]
-    told = base_fit.parameters_of(model, {})[ours]
+    told = base_fit.parameters_of(model, {}, _force(model))[ours]
     return (told.value - true) / told.stderr, (told.value - true) / other.stderr
 
 

@@ -102,8 +102,10 @@ def test_standard_errors_carry_units(parameters):
 
 def test_the_covariance_is_one(fitted, parameters):
     look = fitted.fitted.look
-    recordings = fitted.joint.setting.batch.x.shape[0]
-    covariance = cautious_covariance(np.asarray(look.hessian), np.asarray(look.clusters), recordings)
+    hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
+    own, prior = fitted.joint.curvatures(fitted.fitted.vector), np.asarray(fitted.joint.setting.prior)
+    np.testing.assert_allclose(own.sum(axis=0) + np.diag(prior**2), hessian, atol=1e-9 * hessian.max())
+    covariance = cautious_covariance(hessian, clusters, own, prior, fitted.joint.batch.x.shape[0])
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))

@@ -7,17 +7,20 @@ import numpy as np
 
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.begin import Beginning
+from frictionjax.diagnosis.floor import predictable
 from frictionjax.diagnosis.judge import judge
 from frictionjax.diagnosis.refit import Model, is_chaotic
 from frictionjax.diagnosis.step_length import steps_needed, with_steps
-from frictionjax.estimation.batch import AbstractBatch
+from frictionjax.estimation.batch import AbstractBatch, Batch
 from frictionjax.estimation.finer import at_finer_steps
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, Joint, make_joint
 from frictionjax.estimation.parameters import at_a_bound
-from frictionjax.estimation.robust_fit import descend
+from frictionjax.estimation.robust_fit import Fitted, descend
 from frictionjax.estimation.uncertainty import cautious_covariance, estimates
 from frictionjax.physics import Drive
 
+_SETTLING = 8  # steps of a descent without what cannot be foreseen
+_SEEN = 3.0  # times its standard error with it, that a parameter may have without
 _COARSE = (
     "The parameters are those of few integration steps a sample, from which finer steps lead far away: they may be off "
     "by more than their errors."
@@ -78,31 +81,57 @@ def fit_base(
     return Model(joint, fitted, judge(joint, fitted))
 
 
-def parameters_of(model: Model, units: dict[str, str]) -> dict[str, Estimate]:
+def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model`, without the error of the integration, with standard errors
-    that are rather large than small (`cautious_covariance`); `units` maps force, position, input to unit names."""
-    return told_parameters(model, units)[0]
+    that are rather large than small (`cautious_covariance`).
+
+    **Arguments:**
+
+    - `model`: the fitted model.
+    - `units`: maps force, position, input to unit names.
+    - `force`: unmeasured force over Fc: what it makes unpredictable tells nothing.
+    """
+    return told_parameters(model, units, force)[0]
 
 
-def told_parameters(model: Model, units: dict[str, str]) -> tuple[dict[str, Estimate], str]:
+def told_parameters(
+    model: Model, units: dict[str, str], force: float = 0.0
+) -> tuple[dict[str, Estimate], str]:
     """The same, and what is to be said of them: that the error of the integration is still in them, or that the stated
     errors are too small; empty when there is nothing."""
-    joint = model.joint
-    vector, away = at_finer_steps(joint, model.fitted.vector, model.fitted.look)
+    chaotic = is_chaotic(model)
+    joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force)
+    vector, away = at_finer_steps(joint, fitted.vector, fitted.look)
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
-    hessian, clusters = np.asarray(model.fitted.look.hessian), np.asarray(model.fitted.look.clusters)
+    hessian, clusters = np.asarray(fitted.look.hessian), np.asarray(fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = cautious_covariance(
             hessian,
             clusters,
-            joint.curvatures(model.fitted.vector),
+            joint.curvatures(fitted.vector),
             np.asarray(joint.setting.prior),
-            joint.setting.batch.x.shape[0],
+            joint.batch.x.shape[0],
         )
     else:
         covariance = np.full(hessian.shape, np.inf)
-    message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, is_chaotic(model))) if holds)
+    message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, chaotic)) if holds)
     return estimates(joint.layout, vector, joint.setting, covariance, units), message
+
+
+def _foreseen(model: Model, force: float) -> tuple[Joint, Fitted]:
+    """`model` fitted once more without the blocks that a `force` makes unpredictable; as it is where there are none, or
+    where one of its parameters is hardly seen in the others."""
+    joint, fitted = model.joint, model.fitted
+    if force == 0.0 or not isinstance(joint.batch, Batch):
+        return joint, fitted
+    calm, less = predictable(joint, fitted.vector, force)
+    if not less:
+        return joint, fitted
+    again = descend(calm, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
+    before, after = (np.linalg.pinv(np.asarray(f.look.hessian), hermitian=True) for f in (fitted, again))
+    count = len(joint.layout)
+    known = np.diag(after)[:count] < _SEEN**2 * np.diag(before)[:count]
+    return (calm, again) if np.all(known) else (joint, fitted)
 
 
 def message_of(model: Model) -> str:

@@ -26,6 +26,7 @@ _HALVINGS = 30
 # Noise is told from motion by its fourth differences, which see the highest frequencies alone. At 2 kHz, noise of which
 # nine tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
 _COLOUR = 2.0
+_ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
 # Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
 # physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
 _LARGEST = 0.005
@@ -92,6 +93,22 @@ def scatter(
     powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in parted]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
+
+
+def predictable(
+    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+) -> tuple[Joint, bool]:
+    """`joint` without the blocks in which an unmeasured force of the `size` (over Fc) makes more of the innovations of
+    the model `vector` than the measurement noise does, and whether there are any.
+
+    Such a force brings a break-away forward or back, and all errors that follow are of that one cause: a fit that takes
+    them for as many bends to it. Powers and misfits are those of all blocks as before.
+    """
+    parted = scatter(joint, vector, size, draws=draws)
+    scored = np.asarray(joint.batch.block_count) > 0
+    kept = jnp.repeat(jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0)), joint.batch.block, axis=1)
+    some = bool(np.any(scored & ~(parted < _ASTRAY)))
+    return eqx.tree_at(lambda j: j.setting.weight, joint, joint.setting.weight * kept), some
 
 
 def _parted(

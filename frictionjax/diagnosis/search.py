@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.diagnosis.floor import scatter
+from frictionjax.diagnosis.floor import predictable
 from frictionjax.estimation.batch import AbstractBatch
 from frictionjax.estimation.joint import Joint, misfit_of
 from frictionjax.estimation.robust_fit import descend
@@ -28,7 +28,6 @@ from frictionjax.physics import Drive
 
 SHAKING = 5e-4
 """Unmeasured force over Fc under which the motion of a machine must stay what it is, for its gap to be told by it."""
-_ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
 _LIGHTER = 0.05  # part of the inertia that stick must lack for a load to be believed in
 _HEAVIEST = 0.9  # part of the inertia that may be the load's
 # Over the bristle's break-away deflection: each a sixth wider than the last.
@@ -56,12 +55,9 @@ def load_ratio(joint: Joint, vector: Float[Array, " q"], stick_inertia: float | 
 
 def told(joint: Joint, vector: Float[Array, " q"]) -> Joint:
     """`joint` without the blocks in which the model `vector` parts from itself under a small unmeasured force: no fit
-    sees what is chaotic. Powers and misfits are those of all blocks as before."""
-    parted = scatter(joint, vector, SHAKING, draws=1)
-    kept = jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0))
-    return eqx.tree_at(
-        lambda j: j.setting.weight, joint, joint.batch.valid * jnp.repeat(kept, joint.batch.block, axis=1)
-    )
+    sees what is chaotic."""
+    whole = eqx.tree_at(lambda j: j.setting.weight, joint, joint.batch.valid)
+    return predictable(whole, vector, SHAKING, draws=1)[0]
 
 
 def searched(
