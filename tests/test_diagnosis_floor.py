@@ -7,18 +7,22 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, break_away, open_loop, stick_noise
 from scipy.signal import lfilter
 
+from frictionjax.diagnosis.base_fit import parameters_of
 from frictionjax.diagnosis.floor import (
     _COLOUR,
     answer_to_force,
     colour,
     floor_of,
     force_noise,
+    predictable,
     quietness,
     scatter,
 )
-from frictionjax.diagnosis.judge import Judgement
+from frictionjax.diagnosis.judge import Judgement, judge
+from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation.batch import make_batch, noise_level
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.robust_fit import descend
 from frictionjax.recordings import Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 
@@ -139,3 +143,32 @@ def test_runs_of_a_machine_that_is_not_chaotic_part_by_the_force_alone(shaken):
     seen = answer.gain > 0.1 * answer.gain.max()
     assert np.median(parted[seen] / (FORCE**2 * answer.gain[seen])) == pytest.approx(1.0, rel=0.15)
     np.testing.assert_array_equal(scatter(joint, vector, 0.0), 0.0)
+
+
+def test_what_a_force_makes_unpredictable_is_left_out_of_a_fit(shaken):
+    joint, vector, _ = shaken
+    parted = scatter(joint, vector, FORCE)
+    calm, some = predictable(joint, vector, FORCE)
+    kept = np.asarray(calm.batch.block_mean(calm.setting.weight)) > 0.0
+    scored = np.asarray(joint.batch.block_count) > 0
+    assert some and 0.05 < np.mean(kept[scored]) < 0.95
+    np.testing.assert_array_equal(kept, scored & (parted < 1.0))
+    np.testing.assert_array_equal(calm.powers([vector])[0], joint.powers([vector])[0])
+    assert float(calm.look(vector).cost) < float(joint.look(vector).cost)
+    whole, none = predictable(joint, vector, 0.0)
+    assert not none
+    np.testing.assert_array_equal(whole.setting.weight, joint.setting.weight)
+
+
+def test_parameters_are_told_without_it_unless_nothing_else_tells_them(shaken):
+    joint, vector, _ = shaken
+    fitted = descend(joint, vector, graduate=False)
+    model = Model(joint, fitted, judge(joint, fitted))
+    # Two fifths of the force make a few blocks unpredictable; the whole of it makes most of sliding so.
+    plain, told, blind = (parameters_of(model, {}, share * FORCE) for share in (0.0, 0.4, 1.0))
+    true = {"J": PLANT.J, **{name: getattr(PLANT.friction, name) for name in ("sigma0", "Fc", "Fs")}}
+    for name, value in true.items():
+        assert abs(told[name].value - float(value)) < 4.0 * told[name].stderr, name
+    assert any(told[name].value != plain[name].value for name in true)
+    # What is left then knows too little of friction, and the fit stays whole.
+    assert {name: e.value for name, e in blind.items()} == {name: e.value for name, e in plain.items()}

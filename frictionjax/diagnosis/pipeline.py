@@ -145,7 +145,9 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     scene = _with_steps_of(scene, final)
 
     def told(model: Model) -> Future:
-        return executor.submit(told_parameters, model, units, steps[-1].force)
+        # What a base model lacks bends its parameters by more than an unmeasured force does.
+        force = steps[-1].force if model is last else 0.0
+        return executor.submit(told_parameters, model, units, force)
 
     of_base, of_final = told(base), None if final is base else told(final)
     base_view, extended_view = _views(base, final, scene)
