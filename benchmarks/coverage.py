@@ -144,7 +144,7 @@ def main() -> None:
             w: [[pair[place] for pair in some] for some in found.values()]
             for place, w in enumerate(("as reported", "sandwich alone"))
         }
-        _table("clusters", list(found), rows)
+        _table("standard errors", list(found), rows)
 
 
 if __name__ == "__main__":

@@ -172,3 +172,14 @@ def test_parameters_are_told_without_it_unless_nothing_else_tells_them(shaken):
     assert any(told[name].value != plain[name].value for name in true)
     # What is left then knows too little of friction, and the fit stays whole.
     assert {name: e.value for name, e in blind.items()} == {name: e.value for name, e in plain.items()}
+
+
+def test_a_model_whose_curvature_is_no_number_is_told_as_unknown(shaken):
+    """With a force, too: nothing is fitted again from there."""
+    joint, vector, _ = shaken
+    fitted = descend(joint, vector, graduate=False, steps=1)
+    lost = fitted._replace(
+        look=eqx.tree_at(lambda look: look.hessian, fitted.look, jnp.nan * fitted.look.hessian)
+    )
+    found = parameters_of(Model(joint, lost, judge(joint, lost)), {}, FORCE)
+    assert all(e.stderr == float("inf") for e in found.values())

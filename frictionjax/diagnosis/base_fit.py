@@ -128,7 +128,10 @@ def _foreseen(model: Model, force: float) -> tuple[Joint, Fitted]:
     if not less:
         return joint, fitted
     again = descend(calm, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
-    before, after = (np.linalg.pinv(np.asarray(f.look.hessian), hermitian=True) for f in (fitted, again))
+    curved = [np.asarray(one.look.hessian) for one in (fitted, again)]
+    if not np.all(np.isfinite(curved)):
+        return joint, fitted
+    before, after = (np.linalg.pinv(hessian, hermitian=True) for hessian in curved)
     count = len(joint.layout)
     known = np.diag(after)[:count] < _SEEN**2 * np.diag(before)[:count]
     return (calm, again) if np.all(known) else (joint, fitted)
