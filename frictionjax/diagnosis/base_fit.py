@@ -95,13 +95,14 @@ def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> di
 
 
 def told_parameters(
-    model: Model, units: dict[str, str], force: float = 0.0
+    model: Model, units: dict[str, str], force: float = 0.0, *, lacking: bool = False
 ) -> tuple[dict[str, Estimate], str]:
     """The same, and what is to be said of them: that the error of the integration is still in them, or that the stated
-    errors are too small; empty when there is nothing."""
+    errors are too small; empty when there is nothing. A model that is `lacking` an effect keeps the error of the
+    integration: what it lacks bends its parameters by far more."""
     chaotic = is_chaotic(model)
     joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force)
-    vector, away = at_finer_steps(joint, fitted.vector, fitted.look)
+    vector, away = (fitted.vector, False) if lacking else at_finer_steps(joint, fitted.vector, fitted.look)
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
     hessian, clusters = np.asarray(fitted.look.hessian), np.asarray(fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):

@@ -147,7 +147,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     def told(model: Model) -> Future:
         # What a base model lacks bends its parameters by more than an unmeasured force does.
         force = steps[-1].force if model is last else 0.0
-        return executor.submit(told_parameters, model, units, force)
+        return executor.submit(told_parameters, model, units, force, lacking=model is base is not final)
 
     of_base, of_final = told(base), None if final is base else told(final)
     base_view, extended_view = _views(base, final, scene)

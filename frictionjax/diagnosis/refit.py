@@ -1,6 +1,6 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import equinox as eqx
@@ -285,7 +285,7 @@ def refit_all(
 
     if not trials:
         return []
-    begun = list(executor.map(begin, trials))
+    begun = _longest_first(executor, begin, trials)
     ratio = load_ratio(model.joint, model.fitted.vector, stick_inertia)
     chaotic = behind_gaps(trials)
     if ratio is not None:
@@ -315,6 +315,16 @@ def refit_all(
         if gain > _NEAR * gains.max() and (form not in better or gain > better[form][0]):
             better[form] = gain, trial, end
     return list(executor.map(finish, [(trial, end) for _, trial, end in better.values()]))
+
+
+def _longest_first(
+    executor: Executor, begin: Callable[[Trial], tuple[Joint, Fitted]], trials: list[Trial]
+) -> list[tuple[Joint, Fitted]]:
+    """What `begin` makes of each of the `trials`, in their order. Those with the most parameters are begun first: begun
+    last, the slowest of all would keep one core busy while the others wait."""
+    order = sorted(range(len(trials)), key=lambda number: -len(trials[number].vector))
+    done = executor.map(begin, [trials[number] for number in order])
+    return [made for _, made in sorted(zip(order, done, strict=True), key=lambda pair: pair[0])]
 
 
 def _placed(joint: Joint, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:

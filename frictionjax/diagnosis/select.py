@@ -82,15 +82,19 @@ def try_catalogue(
             grid.append(dataclasses.replace(grid[0], frequency=pair.frequency))
         return grid
 
-    found = []
-    for seen in presents:
-        promised = list(
-            executor.map(lambda form, seen=seen: promises_of(seen, instances(form), scales), forms)
-        )
+    # All of them are queued before one is waited for: no core idles between the models.
+    promising = [
+        executor.map(lambda form, seen=seen: promises_of(seen, instances(form), scales), forms)
+        for seen in presents
+    ]
+    simulating = []
+    for seen, promises in zip(presents, promising, strict=True):
+        promised = list(promises)
         least = worth_simulating(promised)
-        trials = executor.map(lambda some, seen=seen, least=least: simulated(seen, some, least), promised)
-        found.append([_as_chosen(trial, waves) for some in trials for trial in some])
-    return found
+        simulating.append(
+            executor.map(lambda some, seen=seen, least=least: simulated(seen, some, least), promised)
+        )
+    return [[_as_chosen(trial, waves) for some in trials for trial in some] for trials in simulating]
 
 
 def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
