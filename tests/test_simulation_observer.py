@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_plants import FORMS, LARGE, STAGE, TABLE_I, effect
+from scipy.signal import lfilter
 
 from frictionjax.simulation import (
     innovation_gain,
@@ -197,6 +198,24 @@ def test_a_twist_that_nobody_saw_is_corrected(frequency, ratio):
     e = innovations(drive, drive.applied_force(0.5 * (kicked + u), DT), x, DT, gains, at)
     first, late = (float(jnp.sqrt(jnp.mean(e[span] ** 2))) for span in (slice(0, 300), slice(2000, n)))
     assert late < 0.02 * first
+
+
+@pytest.mark.parametrize("lag", [1e-4, 1e-3, 4e-3])
+def test_noise_leaves_the_same_beside_a_late_sensor_as_beside_any_other(lag):
+    """The response of a free mass to one wrong sample, whatever the sensor's lag: (1 - q)^2 / (1 - p q)^2."""
+    heavy = eqx.tree_at(lambda drive: drive.J, STAGE, jnp.asarray(1e9))
+    drive, gains, n, size = (
+        heavy.with_effects(effect("SensorLag", lag=lag)),
+        observer_gains(60.0, DT),
+        2000,
+        1e-6,
+    )
+    wrong = jnp.zeros(n).at[3].set(size)
+    response = np.asarray(innovations(drive, jnp.zeros(n), wrong, DT, gains, ZERO)) / size
+    pole = np.exp(-2.0 * np.pi * 60.0 * float(DT))
+    told = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], np.asarray(wrong)) / size
+    np.testing.assert_allclose(response, told, atol=1e-6)
+    assert np.linalg.norm(response) == pytest.approx(float(innovation_gain(gains)), rel=1e-6)
 
 
 @pytest.mark.slow

@@ -82,6 +82,24 @@ class Drive(eqx.Module):
         return x
 
     @property
+    def sensor_remembers(self) -> bool:
+        """Whether what the sensor shows depends on the motion before."""
+        return any(_remembers(effect) for effect in self.effects)
+
+    def sensor_states(self, v: Float[Array, ""]) -> Float[Array, " m"]:
+        """What the states `hidden` of effects of the sensor come to at a steady velocity `v`, shape `(m,)`; zero for
+        all others."""
+        hidden = jnp.zeros(self.hidden_count)
+        first = 0
+        for effect, own in self._own(self.instant(jnp.zeros_like(v), v, hidden=hidden)):
+            count = own.hidden.shape[0]
+            if _remembers(effect):
+                source, rate = effect.relax(self.friction, own)
+                hidden = hidden.at[first : first + count].set(source / rate)
+            first += count
+        return hidden
+
+    @property
     def state_count(self) -> int:
         """Number of states that effects add to position, velocity and bristles, without those of a second inertia."""
         return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))
@@ -267,3 +285,7 @@ class Drive(eqx.Module):
         slip = self.slip(now.spring / level, fast)
         rate = bristles.rate(w, fast, slip, jnp.clip(w, (-limit - z) / h, (limit - z) / h))
         return self.opposing_force(bristles, now, z, rate), rate
+
+
+def _remembers(effect: AbstractEffect) -> bool:
+    return isinstance(effect, AbstractSensorEffect) and isinstance(effect, AbstractStateEffect)

@@ -61,8 +61,19 @@ class Observed(eqx.Module):
 
 
 def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
-    """State after the correction by one innovation; `slack` as in `Bristles`."""
-    x, v = state.x + gains.position * innovation, state.v + gains.velocity * innovation
+    """State after the correction by one innovation; `slack` as in `Bristles`.
+
+    The gains are those by which what the sensor shows is corrected, and the velocity. A sensor that comes late trails a
+    motion that is corrected to be faster by more: its states are what they would be had it always been so fast, and the
+    position is corrected by as much more. Were only the position corrected, the lag would lie in the observer's loop,
+    and white noise would leave other innovations (`innovation_gain`) than it does beside any other effect.
+    """
+    faster, further, hidden = gains.velocity * innovation, gains.position * innovation, state.hidden
+    if drive.sensor_remembers:
+        hidden = hidden + drive.sensor_states(faster)
+        start = jnp.zeros_like(state.x)
+        further = further + drive.seen(state.x, start, state.hidden) - drive.seen(state.x, start, hidden)
+    x, v = state.x + further, state.v + faster
     # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What
     # counts is the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a
     # needle of static friction would buy itself a faster observer.
@@ -72,19 +83,20 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     lost = jnp.abs(drive.slip(spring / level, v))[None]
     elements = jnp.abs(state.z[1:]) / (slack[1:] * level / drive.friction.sigma0)
     stuck = jnp.maximum(0.0, 1.0 - jnp.concatenate([lost, elements]))
-    return State(x, v, state.z + gains.position * innovation * stuck, _left_behind(drive, state, x, v))
+    return State(x, v, state.z + further * stuck, _left_behind(drive, hidden, further, faster))
 
 
-def _left_behind(drive: Drive, state: State, x, v) -> Float[Array, " m"]:
-    """The hidden states when the motor is corrected to `x` and `v`: what is known of the load stays what it was.
+def _left_behind(drive: Drive, hidden: Float[Array, " m"], further, faster) -> Float[Array, " m"]:
+    """The `hidden` states when the motor is corrected to be `further` and `faster`: what is known of the load stays
+    what it was.
 
     A load that went along with the motor would keep its twist whatever is measured; so the spring tells the observer of
     the load, and the twist is corrected as fast as the motor is.
     """
     if drive.load_side is None:
-        return state.hidden
-    own, load = state.hidden[: drive.state_count], state.hidden[drive.state_count :]
-    return jnp.concatenate([own, load - jnp.stack([x - state.x, v - state.v])])
+        return hidden
+    own, load = hidden[: drive.state_count], hidden[drive.state_count :]
+    return jnp.concatenate([own, load - jnp.stack([further, faster])])
 
 
 def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
