@@ -6,6 +6,7 @@ same noise, and is so here too. Each draw gives one map; the largest statistic o
 (max-T, Westfall and Young 1993), so that the chance of a single false bin anywhere in the map is the level chosen.
 """
 
+import functools
 from collections.abc import Callable, Iterable
 
 import equinox as eqx
@@ -16,8 +17,7 @@ from scipy.signal import lfilter
 from frictionjax.diagnosis.bands import Bands
 from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.tally import Tally
-from frictionjax.estimation.batch import noise_level
-from frictionjax.recordings import Recording
+from frictionjax.estimation.batch import white_level
 from frictionjax.simulation import innovation_gain, observer_gains
 
 DRAWS = 199
@@ -73,13 +73,13 @@ def draw_innovations(
 ) -> Float[np.ndarray, "k r n"]:
     """Standardised innovations of a true model over the root of their `floor`, `count` times, shape `(k, r, n)`; zero
     where nothing is scored. In single precision: only their powers are needed."""
-    scored = np.asarray(scene.batch.valid) > 0
+    scored = (np.asarray(scene.batch.valid) > 0).astype(np.float32)
     drawn = np.zeros((count, *scored.shape), np.float32)
     for row, length in enumerate(scene.batch.lengths):
         dt = float(scene.batch.dt[row])
         seen = _seen(min(scene.bandwidth, 0.1 / dt), dt)
         noise = rng.standard_normal((count, length), np.float32)
-        levels = np.array([noise_level(Recording("", 1.0 / dt, lane, lane)) for lane in noise], np.float32)
+        levels = np.array([white_level(lane) for lane in noise], np.float32)
         zeros = seen.zeros / np.float32(seen.sensor_gain)
         e = lfilter(zeros, seen.poles, noise) / levels[:, None]
         own = floor[row, :length].astype(np.float32)
@@ -87,11 +87,11 @@ def draw_innovations(
             push = rng.standard_normal((count, length), np.float32)
             force = lfilter(np.ones(1, np.float32) / np.float32(seen.force_gain), seen.poles, push)
             e = (e + np.sqrt(own - 1.0) * force) / np.sqrt(own)
-        drawn[:, row, :length] = e
-    drawn[:, ~scored] = 0.0
+        drawn[:, row, :length] = e * scored[row, :length]
     return drawn
 
 
+@functools.cache
 def _seen(bandwidth: float, dt: float) -> _Seen:
     if bandwidth == 0.0:  # no observer: the errors of an imposed motion's force are its noise as it is
         return _Seen(np.ones(1, np.float32), np.ones(1, np.float32), 1.0, 1.0)
