@@ -160,6 +160,21 @@ def test_what_a_force_makes_unpredictable_is_left_out_of_a_fit(shaken):
     np.testing.assert_array_equal(whole.setting.weight, joint.setting.weight)
 
 
+@pytest.mark.parametrize("lost", [np.nan, np.inf, -1e200])
+def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
+    joint, vector, _ = shaken
+    change = np.zeros(np.asarray(joint.batch.x).shape)
+    change[0, change.shape[1] // 2 :] = lost
+    monkeypatch.setattr("frictionjax.diagnosis.floor._parted", lambda *arguments: change)
+    calm, some = predictable(joint, vector, FORCE)
+    kept = np.asarray(calm.batch.block_mean(calm.setting.weight)) > 0.0
+    scored = np.asarray(joint.batch.block_count) > 0
+    half = kept.shape[1] // 2
+    assert some and not np.any(kept[0, half + 1 :])
+    np.testing.assert_array_equal(kept[0, : half - 10], scored[0, : half - 10])
+    np.testing.assert_array_equal(kept[1:], scored[1:])
+
+
 def test_parameters_are_told_without_it_unless_nothing_else_tells_them(shaken):
     joint, vector, _ = shaken
     fitted = descend(joint, vector, graduate=False)

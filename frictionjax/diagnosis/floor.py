@@ -26,6 +26,7 @@ _HALVINGS = 30
 # Noise is told from motion by its fourth differences, which see the highest frequencies alone. At 2 kHz, noise of which
 # nine tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
 _COLOUR = 2.0
+_BEYOND = 1e100  # in noise levels: further apart than any two runs
 _ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
 # Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
 # physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
@@ -67,7 +68,7 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
     plain = joint.errors([vector])[0]
     draws = []
     for _ in range(_DRAWS):
-        change = _parted(joint, vector, plain, _SMALL, rng) / _SMALL
+        change = np.nan_to_num(_parted(joint, vector, plain, _SMALL, rng) / _SMALL)
         noise = _noise_alone(joint, rng)
         products = (noise**2, change**2, noise * change)
         draws.append([np.asarray(batch.block_mean(jnp.asarray(product))) for product in products])
@@ -90,7 +91,9 @@ def scatter(
     """
     rng, plain = np.random.default_rng(20020302), joint.errors([vector])[0]
     parted = [_parted(joint, vector, plain, size, rng) for _ in range(draws)]
-    powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in parted]
+    # Two runs may part beyond what a number, or its square, holds.
+    far = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in parted]
+    powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in far]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
 
@@ -124,7 +127,7 @@ def _parted(
     force = size * float(drive.friction.Fc) / float(drive.motor_constant)
     shaken = batch.u + force * jnp.asarray(rng.standard_normal(batch.u.shape))
     other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
-    return np.nan_to_num(np.asarray(other.errors([vector])[0] - plain))
+    return np.asarray(other.errors([vector])[0] - plain)
 
 
 def _noise_alone(joint: Joint, rng: np.random.Generator) -> Float[np.ndarray, "r n"]:
