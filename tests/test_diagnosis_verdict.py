@@ -144,6 +144,15 @@ def test_what_brings_held_out_recordings_to_the_noise_is_significant():
     assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018, chance=0.01), FLOOR, weak)[0]
 
 
+@pytest.mark.parametrize("p_value", [1e-9, 1.0])
+def test_what_the_fitted_recordings_do_not_ask_for_is_not_named(p_value):
+    """Of a misfit below the floor a share is no number to go by: held-out recordings alone would name it."""
+    before, shares = _judged(-0.0076, 0.063), (1.73, 0.83)
+    assert acceptable(_compared(*shares, leads=(2.1, 3.0)), before, FLOOR, p_value)[0]
+    may, why = acceptable(_compared(*shares, leads=(-2.1, 3.0)), before, FLOOR, p_value)
+    assert not may and "fitted" in why
+
+
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
     verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))

@@ -75,10 +75,13 @@ def acceptable(found: Compared, before: Judgement, floor: np.ndarray, p_value: f
         brings the held-out recordings, which it never saw, to the noise or most of the way there: what acts in a few
         seconds of many has few clusters to be tested in.
 
-    What is periodic along the stroke must be seen to repeat in it.
+    What is periodic along the stroke must be seen to repeat in it. What the fitted recordings do not ask for is not
+    named, though held-out ones be predicted better with it: that is where their own deflections came to rest.
     """
     if not found.repeats:
         return False, "its period is too long to be seen to repeat along the stroke"
+    if found.lead_fit < 0.0:
+        return False, "the recordings that it is fitted to are explained no better with it"
     if not clear(found, before, floor, p_value):
         return False, f"not significant (p = {p_value:.2g})"
     if min(found.share_fit, found.share_holdout) > LEAST_SHARE:
