@@ -1,5 +1,7 @@
 """The plant: inertia, motor, friction and whatever effects are added to them."""
 
+from typing import TypeGuard
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -287,5 +289,5 @@ class Drive(eqx.Module):
         return self.opposing_force(bristles, now, z, rate), rate
 
 
-def _remembers(effect: AbstractEffect) -> bool:
+def _remembers(effect: AbstractEffect) -> TypeGuard[AbstractStateEffect]:
     return isinstance(effect, AbstractSensorEffect) and isinstance(effect, AbstractStateEffect)
