@@ -26,9 +26,8 @@ from frictionjax.physics.effects import catalogue
 DEFLECTION = float(PLANT.friction.Fs / PLANT.friction.sigma0)
 TRUE = {"ratio": 0.3, "gap": 2.0 * DEFLECTION, "frequency": 150.0, "damping": 0.3}
 CHAOS = 0.25
-"""Of the ratio. Contacts are chaotic: where a search or a refit ends, somewhat light, changes with the rounding. Starts
-1e-10 apart end up to 15 % from the truth in the ratio, 21 % in the gap, 20 % in the load's own friction, and at 0.47 to
-0.62 of the misfit of the rigid machine; the misfit of the truth itself is anything from 0.43 to 0.54 of it."""
+"""Of the ratio. Contacts are chaotic: where a search or a refit ends, somewhat light, changes with the rounding, as does
+what the truth itself leaves."""
 DRAG = 0.5 * float(PLANT.friction.sigma2 / PLANT.J)
 """Viscous friction of the load over its inertia, 1/s: half of what the rigid machine has."""
 
