@@ -26,8 +26,8 @@ from frictionjax.physics.effects import catalogue
 DEFLECTION = float(PLANT.friction.Fs / PLANT.friction.sigma0)
 TRUE = {"ratio": 0.3, "gap": 2.0 * DEFLECTION, "frequency": 150.0, "damping": 0.3}
 CHAOS = 0.25
-"""Of the ratio. Contacts are chaotic: where a search or a refit ends, somewhat light, changes with the rounding, as does
-what the truth itself leaves."""
+"""Of the ratio. Contacts are chaotic: where a search or a refit ends, somewhat light, changes with the rounding, as
+does what the truth itself leaves."""
 DRAG = 0.5 * float(PLANT.friction.sigma2 / PLANT.J)
 """Viscous friction of the load over its inertia, 1/s: half of what the rigid machine has."""
 
