@@ -188,3 +188,21 @@ def test_readme_tells_what_the_last_batch_measured():
     assert results["solver"]["commit"][:7] in section
     series = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert all(f"| {path.stem} |" in series for path in kept)
+
+
+@pytest.mark.parametrize(
+    "path",
+    sorted((ROOT / "benchmarks" / "concealed" / "results" / "smaller").glob("*.json")),
+    ids=lambda path: path.stem,
+)
+def test_a_smaller_batch_is_told_with_its_number_of_cases(path):
+    results = json.loads(path.read_text(encoding="utf-8"))
+    scores, commit = results["scores"], results["solver"]["commit"][:7]
+    assert scores["cases"] < 120 and not results["solver"]["changed_files"]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    row = next(
+        line for line in changes.splitlines() if line.startswith(f"| {path.stem}, {scores['cases']} cases |")
+    )
+    assert f"| {commit} |" in row and f"| {scores['two_f1']['value']:.2f} |" in row
+    told = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    assert results["sealed"][:16] in told and f"commit {commit}" in told

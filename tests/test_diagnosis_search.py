@@ -99,24 +99,30 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
     np.testing.assert_array_equal(whole.setting.weight, rigid.setting.weight)
 
 
-def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap):
-    rigid, start, joint, vector = behind_a_gap
-    found = searched(joint, vector, DEFLECTION, TRUE["ratio"])
+@pytest.mark.parametrize(
+    "nudge", [0.0, *(pytest.param(k * 1e-10, marks=pytest.mark.slow) for k in (1, 2, 3, 4))]
+)
+def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge):
+    """From starts that differ by rounding alone, too."""
+    joint, vector = behind_a_gap[2:]
+    found = searched(joint, vector + nudge, DEFLECTION, TRUE["ratio"])
     assert found is not None
     side = joint.drive(found).load_side
     assert side is not None
     assert float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
     assert 2.0 * float(side.half_gap) == pytest.approx(TRUE["gap"], rel=0.3)
     assert float(side.drag) == pytest.approx(DRAG, rel=0.3)
-    # The truth itself leaves half, more or less with the rounding: what is chaotic.
-    alone, truth = rigid.misfits([start])[0], joint.misfits([_at(joint, vector, TRUE | {"drag": DRAG})])[0]
-    assert truth < 0.7 * alone
-    assert joint.misfits([found])[0] < 0.75 * alone
+    # In all blocks even the truth leaves half: what is chaotic. Where it is not, most of the cost is the missing gap.
+    kept = told(joint, _at(joint, vector, TRUE | {"drag": DRAG}))
+    assert kept.look(found).cost < 0.4 * kept.look(_at(joint, vector, {"ratio": 1e-6})).cost
 
 
-def test_a_search_without_a_ratio_tries_some(behind_a_gap):
+@pytest.mark.parametrize(
+    "nudge", [0.0, *(pytest.param(k * 1e-10, marks=pytest.mark.slow) for k in (1, 2, 3, 4))]
+)
+def test_a_search_without_a_ratio_tries_some(behind_a_gap, nudge):
     joint, vector = behind_a_gap[2:]
-    found = searched(joint, vector, DEFLECTION, None)
+    found = searched(joint, vector + nudge, DEFLECTION, None)
     assert found is not None
     side = joint.drive(found).load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
