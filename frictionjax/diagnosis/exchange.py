@@ -4,9 +4,10 @@ import dataclasses
 from collections.abc import Callable
 
 from frictionjax.diagnosis.floor import Answer
+from frictionjax.diagnosis.judge import explained
 from frictionjax.diagnosis.name import Trial
 from frictionjax.diagnosis.refit import Model, Refitted
-from frictionjax.diagnosis.review import with_some
+from frictionjax.diagnosis.review import ENOUGH_SHARE, reviewed, tentative, with_some
 from frictionjax.diagnosis.weigh import Step, settled, weigh
 from frictionjax.physics.effects import catalogue
 
@@ -54,6 +55,34 @@ def exchanged(steps: list[Step], scales: dict[str, float], answer: Answer, again
         # Beside the others it can be told from all of them.
         steps = [*steps[:place], dataclasses.replace(own, rivals=()), *steps[place + 1 :]]
     return steps
+
+
+def instead(
+    steps: list[Step], refused: Step, scales: dict[str, float], answer: Answer, again: Again
+) -> list[Step] | None:
+    """Steps in which an effect took the place of one that is only easily taken for it, seen by what was `refused`.
+
+    Beside a wrong name the second effect of two explains too little to be named, and nothing would weigh the first one
+    again. So it is tried out: taken for accepted, exchanged, and kept where another name came in, all are needed, and
+    together they explain nearly all of the misfit, on fit and on held-out recordings. None where that is not so.
+
+    **Arguments:** as in `exchanged`; `refused`, the round after the `steps`, in which nothing was accepted.
+    """
+    begun = tentative(refused)
+    if begun is None:
+        return None
+    changed = exchanged([*steps, begun], scales, answer, again)
+    last = changed[-1].accepted
+    if last is None or _names(changed) == _names([*steps, begun]):
+        return None
+    shares = explained(changed[0].before.judgement, last.model.judgement, changed[-1].floor)
+    if min(shares) <= ENOUGH_SHARE or len(reviewed(changed, scales, answer)) < len(changed):
+        return None
+    return changed
+
+
+def _names(steps: list[Step]) -> set[str]:
+    return {step.accepted.effect for step in steps if step.accepted is not None}
 
 
 def _without(

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.exchange import exchanged
+from frictionjax.diagnosis.exchange import exchanged, instead
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, explained, judge
 from frictionjax.diagnosis.name import Trial, forms_to_try, promises_of, simulated, worth_simulating
@@ -213,7 +213,11 @@ def select(
         if min(whole) > ENOUGH_SHARE:
             found = only_what_ends_it(found)
         if found.accepted is None:
-            return [*steps, found]
+            changed = None if min(whole) > ENOUGH_SHARE else instead(steps, found, scales, answer, again)
+            if changed is None:
+                return [*steps, found]
+            steps = changed
+            continue
         steps.append(found)
         fewer = reviewed(steps, scales, answer)
         if len(fewer) < len(steps):
