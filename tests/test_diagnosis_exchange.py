@@ -3,9 +3,10 @@
 import pytest
 from helpers_selection import LAG, LOAD, SILENT, a_round, with_effect, world
 
-from frictionjax.diagnosis.exchange import exchanged, taken_for
+from frictionjax.diagnosis.exchange import exchanged, instead, taken_for
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.refit import Refitted
+from frictionjax.diagnosis.weigh import dropping
 from frictionjax.physics import catalogue
 
 
@@ -78,3 +79,43 @@ def test_the_true_effect_stays_beside_a_twin_that_does_worse(two):
     assert [step.accepted.effect for step in found] == ["constant_load", "drive_lag"]
     assert found[0].rivals == ()
     assert asked == [taken_for("constant_load")]
+
+
+def _instead(two, first, second, known):
+    """What becomes of the `first` name when the `second` is refused beside it."""
+    base, scales = two
+    steps = [a_round(base, with_effect(base, first, scales), first)]
+    begun = steps[0].accepted.model
+    refused = dropping(a_round(begun, with_effect(begun, second, scales), second), "explains too little")
+    answer = answer_to_force(base.joint, base.fitted.vector)
+    return instead(steps, refused, scales, answer, _again(known, [], scales))
+
+
+def test_a_second_effect_refused_beside_a_wrong_name_brings_in_the_true_one(two):
+    """Beside the pendulum that stands in for the load nothing else may be named; with the load both are."""
+    found = _instead(two, "pendulum", "lag", ["load"])
+    assert [step.accepted.effect for step in found] == ["drive_lag", "constant_load"]
+    assert found[-1].accepted.model.fitted.misfit < 0.2 * found[0].before.fitted.misfit
+
+
+def test_what_is_refused_beside_a_true_name_stays_refused(two):
+    """The load is what it seems, and trying the lag out beside it does not let the lag in."""
+    assert _instead(two, "load", "lag", ["spring"]) is None
+
+
+def test_a_wrong_name_stays_where_nothing_is_taken_for_it(two):
+    """What was refused is then not named either."""
+    assert _instead(two, "lag", "pendulum", []) is None
+
+
+@pytest.mark.parametrize(
+    ("what", "instead_of_it"),
+    [("ENOUGH_SHARE", 2.0), ("reviewed", lambda steps, *_: steps[:1])],
+    ids=["all but nearly all", "one is not needed"],
+)
+def test_a_name_comes_in_only_with_nearly_all_explained_and_both_needed(
+    two, monkeypatch, what, instead_of_it
+):
+    """The same rounds as above, with a share that cannot be had, or with a review that drops one."""
+    monkeypatch.setattr(f"frictionjax.diagnosis.exchange.{what}", instead_of_it)
+    assert _instead(two, "pendulum", "lag", ["load"]) is None
