@@ -36,12 +36,12 @@ def row(name: str, found) -> str:
 
 def load_speed(found) -> str:
     """How well the spring that was found predicts the load's speed, which no fit has seen."""
-    frequency, damping = (found.extended[name].value for name in ("frequency", "damping"))
+    frequency, *lost = (found.extended[name].value for name in ("frequency", "damping", "drag"))
     said = []
     for name, path in files_of("motor_bench").items():
         file = loadmat(path)
         motor, load = (np.ravel(file[channel]) for channel in ("omega_max", "omega_may"))
-        spring, rigid = (load_speed_error(motor, load, f, damping) for f in (frequency, np.inf))
+        spring, rigid = (load_speed_error(motor, load, f, *lost) for f in (frequency, np.inf))
         said.append(f"{name}: {100 * spring:.1f} % (stiff shaft: {100 * rigid:.0f} %)")
     return "Load speed of the motor bench missed by " + ", ".join(said)
 

@@ -87,15 +87,17 @@ def test_a_log_of_the_servo_becomes_volts_at_one_rate(tmp_path):
 
 
 def test_a_load_behind_a_spring_is_told_from_a_stiff_shaft():
-    """Speeds made by the transfer function itself, and by a stiff shaft."""
+    """Speeds made by the transfer function itself, solved from both equations line by line, and by a stiff shaft."""
     count, lines = 2500, np.arange(11, 250)
-    s = 1j * lines / 54.0
-    passed = (2.0 * 0.03 * s + 1.0) / (s**2 + 2.0 * 0.03 * s + 1.0)
+    p, circular = 2j * np.pi * lines, 2.0 * np.pi * 54.0
+    coupling = circular**2 + 2.0 * 0.03 * circular * p  # torque for a twist, over the load's inertia
+    passed = coupling / (p**2 + 9.0 * p + coupling)
     phases = np.exp(2j * np.pi * np.random.default_rng(0).random(lines.size))
     spectra = np.zeros((3, count // 2 + 1), complex)
     spectra[0, lines], spectra[1, lines], spectra[2, lines] = phases, -passed * phases, -phases
     motor, sprung, stiff = (np.tile(np.fft.irfft(spectrum, count), 5) for spectrum in spectra)
-    assert load_speed_error(motor, sprung, 54.0, 0.03) < 1e-9
-    assert load_speed_error(motor, stiff, np.inf, 0.03) < 1e-9
-    assert load_speed_error(motor, sprung, 50.0, 0.03) > 0.1
-    assert load_speed_error(motor, sprung, np.inf, 0.03) > 0.5
+    assert load_speed_error(motor, sprung, 54.0, 0.03, 9.0) < 1e-9
+    assert load_speed_error(motor, stiff, np.inf, 0.03, 9.0) < 1e-9
+    assert load_speed_error(motor, sprung, 50.0, 0.03, 9.0) > 0.1
+    assert load_speed_error(motor, sprung, 54.0, 0.03, 0.0) > 0.01
+    assert load_speed_error(motor, sprung, np.inf, 0.03, 9.0) > 0.5

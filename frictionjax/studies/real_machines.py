@@ -89,24 +89,29 @@ def files_of(
     return found
 
 
-def load_speed_error(motor: np.ndarray, load: np.ndarray, frequency: float, damping: float) -> float:
+def load_speed_error(
+    motor: np.ndarray, load: np.ndarray, frequency: float, damping: float, drag: float
+) -> float:
     """Part of the load's measured speed that is not what a spring makes of the motor's: root mean square over the
     excited lines, over that of the load's speed.
 
-    A load behind a spring turns with (2 zeta s + 1)/(s^2 + 2 zeta s + 1) of the motor's speed, s = i f/f_a.
+    A load behind a spring, J2 (x2'' + drag x2') = k (x1 - x2) + c (x1' - x2'), turns with
+    (2 zeta s + 1)/(s^2 + (2 zeta + d) s + 1) of the motor's speed; s = i f/f_a, d = drag/(2 pi f_a).
 
     **Arguments:**
 
     - `motor`, `load`: the speeds of the motor bench, one unit, shape `(n,)`; they count in opposite directions.
     - `frequency`: antiresonance f_a, Hz; infinite for a stiff shaft.
-    - `damping`: its damping ratio zeta.
+    - `damping`: damping ratio zeta of the spring.
+    - `drag`: viscous friction of the load over its inertia, 1/s.
     """
     settled = slice(_SETTLING * _BENCH_PERIOD, motor.size // _BENCH_PERIOD * _BENCH_PERIOD)
     means = (np.mean(speed[settled].reshape(-1, _BENCH_PERIOD), axis=0) for speed in (motor, load))
     told, measured = (np.fft.rfft(mean) for mean in means)
     lines = np.flatnonzero(np.abs(told) > _EXCITED * np.max(np.abs(told)))  # of 1 Hz
     s = 1j * lines / frequency
-    passed = (2.0 * damping * s + 1.0) / (s**2 + 2.0 * damping * s + 1.0)
+    own = drag / (2.0 * np.pi * frequency)
+    passed = (2.0 * damping * s + 1.0) / (s**2 + (2.0 * damping + own) * s + 1.0)
     missed = measured[lines] + passed * told[lines]
     return float(np.linalg.norm(missed) / np.linalg.norm(measured[lines]))
 
