@@ -46,6 +46,30 @@ def load_speed(found) -> str:
     return "Load speed of the motor bench missed by " + ", ".join(said)
 
 
+def offset_drift(found) -> str:
+    """How far the mean of the motor bench's current carries the models in a free run, if nothing else is wrong.
+
+    Gaussian velocity of root mean square s about a slow drift turns Coulomb friction into viscous friction
+    sqrt(2/pi) Fc/s; the drift is the mean current over all viscous friction, and from rest its error is a ramp.
+    """
+    told = [{name: one.value for name, one in model.items()} for model in (found.base, found.extended)]
+    said = []
+    for run in found.recordings:
+        seconds, spread = run.t[-1] - run.t[0], np.std(np.gradient(run.x, run.t))
+        own = [
+            p["sigma2"]
+            + p["J"] * p.get("ratio", 0.0) * p.get("drag", 0.0)
+            + np.sqrt(2.0 / np.pi) * p["Fc"] / spread
+            for p in told
+        ]
+        base, extended = (abs(np.mean(run.u)) / one * seconds / np.sqrt(3.0) for one in own)
+        said.append(
+            f"{run.name}: mean {np.mean(run.u):.3f} A, {base:.2f} and {extended:.1f} rad "
+            f"(free run: {run.free_run_rmse_base:.2f} and {run.free_run_rmse_extended:.1f})"
+        )
+    return "Drift that the mean current of the motor bench would cause, base and extended: " + "; ".join(said)
+
+
 def main() -> int:
     """Print the table."""
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
@@ -65,7 +89,7 @@ def main() -> int:
         sys.stdout.write(row(name, found) + "\n")
         sys.stdout.flush()
         if name == "motor_bench" and found.missing and found.missing[0].effect == "flexible_transmission":
-            notes.append(load_speed(found))
+            notes += [load_speed(found), offset_drift(found)]
     sys.stdout.write("".join(f"\n{note}\n" for note in notes))
     return 0
 
