@@ -33,7 +33,7 @@ def test_the_motor_bench_has_a_second_inertia_behind_a_spring():
         file = loadmat(path)
         motor, load = (np.ravel(file[channel]) for channel in ("omega_max", "omega_may"))
         # Neither speed was shown to the diagnosis.
-        assert load_speed_error(motor, load, frequency, *lost) < 0.15
+        assert load_speed_error(motor, load, frequency, *lost) < 0.05
         assert load_speed_error(motor, load, np.inf, *lost) > 1.0
 
 
