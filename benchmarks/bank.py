@@ -6,11 +6,12 @@ Lines that the file has already are not made again: an interrupted run goes on w
 """
 
 import argparse
+import functools
 import json
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import jax
@@ -23,6 +24,7 @@ from frictionjax.diagnosis import pipeline
 from frictionjax.diagnosis import select as selection
 from frictionjax.diagnosis.confidence import evidence_of
 from frictionjax.diagnosis.rejection import verdict_of
+from frictionjax.diagnosis.review import ENOUGH_SHARE
 from frictionjax.diagnosis.weigh import Step
 from frictionjax.recordings import Plant, Recording
 
@@ -110,8 +112,9 @@ def told(step: Step) -> dict:
     }
 
 
-def diagnosed(job: dict, *, left_out: bool = False) -> dict:
-    """One line; with `left_out` also what is said, from the same base fit, when the catalogue lacks what is missing."""
+def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
+    """One line; with `left_out` also what is said, from the same base fit, when the catalogue lacks what is missing;
+    not `own`: only that."""
     simulated = make_case(job["seed"], missing=tuple(job["missing"]), strength=job["strength"])
     kept: dict[str, list[Step]] = {}
     select, try_catalogue, true = pipeline.select, selection.try_catalogue, frozenset(job["missing"])
@@ -127,12 +130,13 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
         return [[trial for trial in some if trial.effect not in without] for some in tested[id(model)][1]]
 
     def watched(*arguments, without=frozenset(), **options):
-        kept["steps"] = select(*arguments, without=without, **options)
+        if own:
+            kept["steps"] = select(*arguments, without=without, **options)
         if left_out:
             aside = time.perf_counter()
             kept["left"] = select(*arguments, without=without | true, **options)
             spent.append(time.perf_counter() - aside)
-        return kept["steps"]
+        return kept["steps"] if own else kept["left"]
 
     pipeline.select, selection.try_catalogue = watched, tested_once
     start = time.perf_counter()
@@ -140,15 +144,18 @@ def diagnosed(job: dict, *, left_out: bool = False) -> dict:
         found = fj.diagnose(case_of(simulated))
     finally:
         pipeline.select, selection.try_catalogue = select, try_catalogue
-    left = kept.get("left")
+    left = None
+    if left_out:
+        left = {
+            "verdict": verdict_of(kept["left"])[0],
+            "steps": [told(step) for step in kept["left"]],
+            "evidence": evidence_of(kept["left"]),
+        }
+    if not own:
+        return job | {"left": left}
     return job | {
         "evidence": evidence_of(kept["steps"]),
-        "left": left
-        and {
-            "verdict": verdict_of(left)[0],
-            "steps": [told(step) for step in left],
-            "evidence": evidence_of(left),
-        },
+        "left": left,
         "verdict": found.verdict,
         "named": [m.effect for m in found.missing],
         "classes": [list(m.effect_class) for m in found.missing],
@@ -177,28 +184,48 @@ def plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
+def job_of(line: dict) -> dict:
+    """The job that made a `line`."""
+    return {key: line[key] for key in ("seed", "missing", "strength")}
+
+
+def can_change(evidence: list[list[float]], steps: list[dict]) -> bool:
+    """Whether what was refused last may bring another name in (`exchange.instead`): beside what was accepted, which
+    does not explain nearly all."""
+    return bool(evidence) and steps[-1]["accepted"] is None and min(evidence[0][:2]) <= ENOUGH_SHARE
+
+
+def again(line: dict) -> dict | None:
+    """The `line` with that side made anew, the effect in the catalogue or left out, that can change; None: neither."""
+    left = line["left"]
+    own = can_change(line["evidence"], line["steps"])
+    left_out = bool(left) and can_change(left["evidence"], left["steps"])
+    if not own and not left_out:
+        return None
+    found = diagnosed(job_of(line), left_out=left_out, own=own)
+    return line | found | {"left": found["left"] if left_out else left}
+
+
 def fill(
     path: Path,
-    plan: str,
-    strengths: list[str],
-    seeds: list[int],
-    only: list[str],
+    todo: Iterable[dict],
+    diagnose: Callable[[dict], dict | None],
     *,
-    left_out: bool = False,
     part: tuple[int, int] = (0, 1),
     kept: Sequence[Path] = (),
 ) -> None:
-    """Diagnose what the plan asks for and is not yet in the file at `path`, nor in those `kept` from before; a line
+    """`diagnose` the machines `todo` that are not yet in the file at `path`, nor in those `kept` from before; a line
     each, printed as they come. Of `part` (k, n) every n-th machine from the k-th on."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    key = ("seed", "missing", "strength")
     lines = [line for file in {path, *kept} if file.exists() for line in file.read_text().splitlines()]
-    done = {json.dumps([json.loads(line)[k] for k in key]) for line in lines}
-    mine = list(jobs(plan, strengths, seeds, only))[part[0] :: part[1]]
+    done = [job_of(json.loads(line)) for line in lines]
+    mine = list(todo)[part[0] :: part[1]]
     for number, job in enumerate(mine, 1):
-        if json.dumps([job[k] for k in key]) in done:
+        if job_of(job) in done:
             continue
-        line = diagnosed(job, left_out=left_out)
+        line = diagnose(job)
+        if line is None:
+            continue
         jax.clear_caches()  # programs are of the machine's lengths: kept, they would fill the memory after two dozen
         with path.open("a") as file:
             file.write(json.dumps(line, default=plain) + "\n")
@@ -224,11 +251,8 @@ def main() -> None:
     keep_compiled(arguments.out.parent / COMPILED)
     fill(
         arguments.out,
-        arguments.plan,
-        arguments.strengths,
-        arguments.seeds,
-        arguments.only,
-        left_out=arguments.left_out,
+        jobs(arguments.plan, arguments.strengths, arguments.seeds, arguments.only),
+        functools.partial(diagnosed, left_out=arguments.left_out),
     )
 
 

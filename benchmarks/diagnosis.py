@@ -2,24 +2,29 @@
 
     python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N]
     python -m benchmarks.diagnosis --tables [--out FOLDER] [--beside FOLDER ...] [--store FOLDER]
+    python -m benchmarks.diagnosis --again FOLDER ... [--out FOLDER] [--part K/N]
 
 Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines that hide one effect are
 diagnosed a second time without it in the catalogue. A run that stops goes on where it was, from the lines in `--out`;
 `--tables` prints what is there and diagnoses nothing; `--store` writes what tables and calibration read of the lines to
-a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share it.
+a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share it. Of a machine
+told in several folders the tables count the line of the first. `--again` makes of the lines in those folders
+anew what a refused effect may change (`bank.can_change`).
 """
 
 import argparse
+import functools
 import json
 import sys
 import warnings
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 import frictionjax as fj
-from benchmarks.bank import COMPILED, fill
+from benchmarks.bank import COMPILED, again, diagnosed, fill, job_of, jobs
 from benchmarks.concealed.reality import CATALOGUE
 from frictionjax.core import keep_compiled
 from frictionjax.diagnosis.rejection import most_left
@@ -174,8 +179,13 @@ def store(folder: Path, read: dict[str, list[dict]]) -> None:
             (folder / f"{plan}.jsonl").write_text(text, encoding="utf-8")
 
 
-def _lines(path: Path) -> list[dict]:
-    return [json.loads(line) for line in path.read_text().splitlines()]
+def told_in(folders: Sequence[Path], plan: str) -> list[dict]:
+    """The lines of a `plan` in the `folders`; of one job the line of the first folder that has it."""
+    told: dict[str, dict] = {}
+    for path in [path for folder in folders for path in sorted(folder.glob(f"{plan}*.jsonl"))]:
+        for line in map(json.loads, path.read_text(encoding="utf-8").splitlines()):
+            told.setdefault(json.dumps(job_of(line)), line)
+    return list(told.values())
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -215,6 +225,13 @@ def main() -> None:
     parser.add_argument(
         "--beside", type=Path, nargs="*", default=[], help="more folders that the tables count, too"
     )
+    parser.add_argument(
+        "--again",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="folders of lines to make anew where they can change",
+    )
     parser.add_argument("--store", type=Path, help="folder for what is worth keeping of the lines")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", category=fj.core.FrictionjaxWarning)
@@ -224,21 +241,19 @@ def main() -> None:
         keep_compiled(arguments.out / COMPILED)
         for plan in arguments.plans:
             many = {"one": arguments.seeds, "none": arguments.nulls, "outside": 1, "pairs": 2}[plan]
+            seeds = list(range(arguments.first, arguments.first + many))
+            strengths = STRENGTHS if plan == "one" else ["strong"]
+            todo = jobs(plan, strengths, seeds, arguments.effects if plan == "one" else [])
             fill(
                 arguments.out / f"{plan}-{k}-of-{n}.jsonl",
-                plan,
-                STRENGTHS if plan == "one" else ["strong"],
-                list(range(arguments.first, arguments.first + many)),
-                arguments.effects if plan == "one" else [],
-                left_out=plan == "one",
+                told_in(arguments.again, plan) if arguments.again else todo,
+                again if arguments.again else functools.partial(diagnosed, left_out=plan == "one"),
                 part=(k - 1, n),
                 kept=sorted(arguments.out.glob(f"{plan}*.jsonl")),
             )
     read = {}
     for plan in PLANS:
-        folders = (arguments.out, *arguments.beside)
-        paths = [path for folder in folders for path in sorted(folder.glob(f"{plan}*.jsonl"))]
-        lines = [line for path in paths for line in _lines(path)]
+        lines = told_in((arguments.out, *arguments.beside), plan)
         read[plan] = sorted(lines, key=lambda line: (line["missing"], STRENGTHS.index(line["strength"])))
     if arguments.store:
         store(arguments.store, read)

@@ -85,23 +85,21 @@ def test_without_the_true_effect_the_limits_of_today_decide(effect, explained, v
     assert diagnosis.verdict_without(line | {"left": nothing}) == "adequate"
 
 
-def test_no_machine_is_diagnosed_twice(tmp_path, monkeypatch):
+def test_no_machine_is_diagnosed_twice(tmp_path):
     asked = []
 
-    def diagnosed(job, *, left_out):
-        asked.append((job["seed"], left_out))
+    def diagnosed(job):
+        asked.append(job["seed"])
         return _line(job["seed"], job["missing"], []) | {"compile": 0.0}
 
-    monkeypatch.setattr(bank, "diagnosed", diagnosed)
+    todo = list(bank.jobs("none", ["strong"], [30, 31, 32, 33], []))
     kept = tmp_path / "none.jsonl"
     kept.write_text(json.dumps(_line(1030, [], [])) + "\n")
     for _ in range(2):
-        bank.fill(
-            tmp_path / "none-1-of-2.jsonl", "none", ["strong"], [30, 31, 32, 33], [], part=(0, 2), kept=[kept]
-        )
-    assert asked == [(1032, False)]
-    bank.fill(tmp_path / "none-2-of-2.jsonl", "none", ["strong"], [30, 31, 32, 33], [], part=(1, 2))
-    assert asked == [(1032, False), (1031, False), (1033, False)]
+        bank.fill(tmp_path / "none-1-of-2.jsonl", todo, diagnosed, part=(0, 2), kept=[kept])
+    assert asked == [1032]
+    bank.fill(tmp_path / "none-2-of-2.jsonl", todo, diagnosed, part=(1, 2))
+    assert asked == [1032, 1031, 1033]
 
 
 def test_names_of_a_revealed_batch_are_calibrated_on_too(tmp_path):
