@@ -102,6 +102,40 @@ def test_no_machine_is_diagnosed_twice(tmp_path):
     assert asked == [1032, 1031, 1033]
 
 
+def test_only_what_a_refused_effect_may_change_is_made_anew(monkeypatch):
+    asked = []
+
+    def diagnosed(job, *, left_out, own):
+        asked.append((job["seed"], left_out, own))
+        left = {"verdict": "named", "steps": [], "evidence": []} if left_out else None
+        return job | ({"verdict": "unknown", "left": left} if own else {"left": left})
+
+    monkeypatch.setattr(bank, "diagnosed", diagnosed)
+    little, much = [[0.7, 0.9, 0.2, 0.99]], [[0.85, 0.9, 0.2, 0.99]]
+    sure = _line(1, ["creep"], ["creep"], evidence=much)
+    left = {key: sure[key] for key in ("verdict", "steps")}
+    assert bank.again(sure) is None
+    assert bank.again(sure | {"left": left | {"evidence": much}}) is None
+    half = sure | {"evidence": little, "left": left | {"evidence": much}}
+    assert bank.again(half) == half | {"verdict": "unknown"}
+    away = bank.again(sure | {"left": left | {"evidence": little}})
+    assert away == sure | {"left": {"verdict": "named", "steps": [], "evidence": []}}
+    assert asked == [(1, False, True), (1, True, False)]
+    # The last round accepted something: nothing was refused beside it.
+    assert bank.again(half | {"steps": half["steps"][:1]}) is None
+
+
+def test_of_a_machine_told_twice_the_first_folder_counts(tmp_path, monkeypatch, capsys):
+    for folder, named in (("old", []), ("new", ["creep"])):
+        (tmp_path / folder).mkdir()
+        line = _line(1, ["creep"], named)
+        (tmp_path / folder / "one.jsonl").write_text(json.dumps(line) + "\n")
+    told = _told(monkeypatch, capsys, "--out", tmp_path / "new", "--beside", tmp_path / "old")
+    assert "strong: right within class 1 of 1, named wrongly 0." in told
+    told = _told(monkeypatch, capsys, "--out", tmp_path / "old", "--beside", tmp_path / "new")
+    assert "strong: right within class 0 of 1, named wrongly 0." in told
+
+
 def test_names_of_a_revealed_batch_are_calibrated_on_too(tmp_path):
     path = tmp_path / "7.json"
     cases = {

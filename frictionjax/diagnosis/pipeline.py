@@ -21,6 +21,7 @@ from frictionjax.diagnosis.evaluate import View, held_out_error, recording_fits,
 from frictionjax.diagnosis.imposed import idle_effects
 from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.locate import Located, locate
+from frictionjax.diagnosis.moved import moved
 from frictionjax.diagnosis.next_experiment import NextExperiment, next_experiment
 from frictionjax.diagnosis.refit import Model
 from frictionjax.diagnosis.rejection import verdict_of
@@ -162,7 +163,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
     bins = located.bins
     (base_parameters, _), (extended, coarse) = of_base.result(), (of_final or of_base).result()
-    notes += [coarse] if coarse else []
+    extended, likeness = moved(extended, last.joint.layout, steps)
+    notes += [text for text in (coarse, likeness) if text]
     experiments, not_designed = _experiments(steps, progress)
     notes += not_designed
     missing = _missing(steps, extended, located.where, experiments)
