@@ -1,14 +1,19 @@
-"""`python -m benchmarks.coverage [--machines N] [--first SEED] [--effects ...]`: how often intervals hold the truth.
+"""`python -m benchmarks.coverage [--machines N] [--first SEED] [--effects ...] [--demo SEED ...]`: do intervals hold?
 
 Machines of `benchmarks.concealed.reality`, fitted from the truth as a diagnosis fits them. Of machines that hide
 nothing: errors of the base model over standard errors, with one integration step a sample and with the finer steps that
 are reported. Of machines that hide an effect whose size means the same in the simulator and here: errors of that size,
-with the standard errors that are reported and with those of the sandwich alone, from clusters of 0.5 s.
+with the standard errors that are reported and with those of the sandwich alone, from clusters of 0.5 s. Of arms of the
+demo, diagnosed in full, whose ten elements the named form resembles: errors over standard errors about that form, and
+over those that are reported, which hold what other effects would make of the parameters.
 """
 
 import argparse
+import json
 import sys
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -19,8 +24,9 @@ import frictionjax as fj
 from benchmarks.bank import case_of
 from benchmarks.concealed.reality import make_case
 from benchmarks.diagnosis import SIZES
-from frictionjax.core import keep_compiled
-from frictionjax.diagnosis import base_fit
+from frictionjax.core import Estimate, keep_compiled
+from frictionjax.demo import write_demo_case
+from frictionjax.diagnosis import base_fit, pipeline
 from frictionjax.diagnosis.begin import Beginning, begin
 from frictionjax.diagnosis.floor import answer_to_force, force_noise, quietness
 from frictionjax.diagnosis.judge import judge
@@ -98,11 +104,41 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     return (told.value - true) / told.stderr, (told.value - true) / other.stderr
 
 
+def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str, float]]:
+    """Errors of the parameters of the demo's arm over standard errors about the named form, over those reported.
+
+    **Raises:** `ValueError` where something else is named than what the arm hides.
+    """
+    kept: list[dict[str, Estimate]] = []
+    widen = pipeline.moved
+
+    def watched(extended, layout, steps):
+        kept.append(extended)
+        return widen(extended, layout, steps)
+
+    pipeline.moved = watched
+    try:
+        found = fj.diagnose(fj.load_case(write_demo_case(folder, seed=seed)))
+    finally:
+        pipeline.moved = widen
+    named = [missing.effect for missing in found.missing]
+    if named != ["maxwell_slip"]:
+        raise ValueError(f"Arm {seed}: {', '.join(named) or 'nothing'} is named, not what it hides.")
+    sealed = json.loads(next(folder.rglob("truth.json")).read_text(encoding="utf-8"))
+    truth = sealed["base"] | {"share": sealed["maxwell_slip"]["share"]}
+    alone, told = (
+        {name: (some[name].value - true) / some[name].stderr for name, true in truth.items()}
+        for some in (kept[-1], found.extended)
+    )
+    return alone, told
+
+
 def _each(what: list, label: str) -> Iterator:
     for number, one in enumerate(what, start=1):
         yield one
         sys.stderr.write(f"\r{number} of {len(what)} {label}")
-    sys.stderr.write("\n")
+    if what:
+        sys.stderr.write("\n")
 
 
 def _table(title: str, names: list[str], rows: dict[str, list[list[float]]]) -> None:
@@ -115,24 +151,27 @@ def _table(title: str, names: list[str], rows: dict[str, list[list[float]]]) -> 
     sys.stdout.write("\nUnder each name: root mean square of the error over the standard error.\n\n")
 
 
+def _table_of_pairs(title: str, pairs: list[tuple[dict, dict]], words: tuple[str, str]) -> None:
+    """Nothing where there are no pairs."""
+    if pairs:
+        names = list(pairs[0][0])
+        rows = {w: [[pair[place][name] for pair in pairs] for name in names] for place, w in enumerate(words)}
+        _table(title, names, rows)
+
+
 def main() -> None:
     """Fit and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, default=8)
     parser.add_argument("--first", type=int, default=1300)
     parser.add_argument("--effects", nargs="*", default=EFFECTS, choices=EFFECTS)
+    parser.add_argument("--demo", type=int, nargs="*", default=[], help="seeds of the demo's arm")
     arguments = parser.parse_args()
     fj.configure_jax()
     keep_compiled()
     seeds = list(range(arguments.first, arguments.first + arguments.machines))
     pairs = [errors(seed) for seed in _each(seeds, "machines that hide nothing")]
-    names = list(pairs[0][0])
-    words = ("one", "as reported")
-    _table(
-        "steps a sample",
-        names,
-        {w: [[pair[place][name] for pair in pairs] for name in names] for place, w in enumerate(words)},
-    )
+    _table_of_pairs("steps a sample", pairs, ("one", "as reported"))
     found: dict[str, list[tuple[float, float]]] = {}
     for effect, seed in _each([(e, s) for e in arguments.effects for s in seeds], "machines that hide one"):
         jax.clear_caches()  # programs are of the machine's lengths: kept, they would fill the memory
@@ -145,6 +184,9 @@ def main() -> None:
             for place, w in enumerate(("as reported", "sandwich alone"))
         }
         _table("standard errors", list(found), rows)
+    with tempfile.TemporaryDirectory() as folder:
+        pairs = [likeness_errors(seed, Path(folder, str(seed))) for seed in _each(arguments.demo, "arms")]
+    _table_of_pairs("standard errors", pairs, ("about the named form", "as reported"))
 
 
 if __name__ == "__main__":
