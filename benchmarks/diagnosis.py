@@ -9,7 +9,7 @@ diagnosed a second time without it in the catalogue. A run that stops goes on wh
 `--tables` prints what is there and diagnoses nothing; `--store` writes what tables and calibration read of the lines to
 a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share it. Of a machine
 told in several folders the tables count the line of the first. `--again` makes of the lines in those folders
-anew what a refused effect may change (`bank.can_change`).
+anew what a refused effect may change (`bank.can_change`); with `--tables` it tells how many of those lines `--out` has.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import frictionjax as fj
-from benchmarks.bank import COMPILED, again, diagnosed, fill, job_of, jobs
+from benchmarks.bank import COMPILED, again, can_change, diagnosed, fill, job_of, jobs
 from benchmarks.concealed.reality import CATALOGUE
 from frictionjax.core import keep_compiled
 from frictionjax.diagnosis.rejection import most_left
@@ -188,6 +188,19 @@ def told_in(folders: Sequence[Path], plan: str) -> list[dict]:
     return list(told.values())
 
 
+def told_again(old: list[dict], new: list[dict], write) -> None:
+    """How many of the `old` lines can change, and how many of those are among the `new` ones."""
+    made = [job_of(line) for line in new]
+    for words, sides in (
+        ("the effect in the catalogue", old),
+        ("the effect left out", [line | line["left"] for line in old if line["left"]]),
+    ):
+        some = [job_of(side) for side in sides if can_change(side["evidence"], side["steps"])]
+        write(
+            f"- can change, {words}: {len(some)} of {len(sides)}; made anew: {sum(job in made for job in some)}."
+        )
+
+
 def _part(text: str) -> tuple[int, int]:
     k, _, n = text.partition("/")
     if not (k.isdigit() and n.isdigit() and 1 <= int(k) <= int(n)):
@@ -267,6 +280,9 @@ def main() -> None:
             table_of_effects(lines, write)
     write("\n### in all\n")
     summary(read, write)
+    if arguments.again:
+        old = [line for plan in arguments.plans for line in told_in(arguments.again, plan)]
+        told_again(old, [line for plan in arguments.plans for line in told_in([arguments.out], plan)], write)
 
 
 if __name__ == "__main__":

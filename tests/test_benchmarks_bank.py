@@ -9,6 +9,8 @@ pytest.importorskip("numba")
 
 from benchmarks import bank, calibrate, diagnosis
 
+BANK = ["bank", "bank_31", "bank_32", "bank_33", "bank_34"]
+
 
 def _line(seed, missing, named, **more):
     def step(effect):
@@ -123,6 +125,12 @@ def test_only_what_a_refused_effect_may_change_is_made_anew(monkeypatch):
     assert asked == [(1, False, True), (1, True, False)]
     # The last round accepted something: nothing was refused beside it.
     assert bank.again(half | {"steps": half["steps"][:1]}) is None
+    said, other = [], half | {"seed": 2, "left": left | {"evidence": little}}
+    diagnosis.told_again([half, other, sure], [half], said.append)
+    assert said == [
+        "- can change, the effect in the catalogue: 2 of 3; made anew: 1.",
+        "- can change, the effect left out: 1 of 2; made anew: 0.",
+    ]
 
 
 def test_of_a_machine_told_twice_the_first_folder_counts(tmp_path, monkeypatch, capsys):
@@ -160,10 +168,17 @@ def test_physics_outside_the_catalogue_is_weighed_as_often_as_it_is_met(tmp_path
     assert names.weight.tolist() == pytest.approx([1.0, 0.125, 0.125])
 
 
-@pytest.mark.parametrize("name", ["bank", "bank_31", "bank_32", "bank_33", "bank_34", "all"])
+SUMS = {
+    **{name: [name] for name in BANK},
+    "all": BANK,
+    "again": ["bank_again", "pairs_again", *BANK],
+}
+
+
+@pytest.mark.parametrize("name", SUMS)
 def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(name, monkeypatch, capsys):
     benchmarks = Path(diagnosis.__file__).parent
-    first, *beside = ["bank", "bank_31", "bank_32", "bank_33", "bank_34"] if name == "all" else [name]
+    first, *beside = SUMS[name]
     results = benchmarks / "results"
     more = ["--beside", *(results / folder for folder in beside)] if beside else []
     sums = _told(monkeypatch, capsys, "--out", results / first, *more).partition("### in all\n")[2]
