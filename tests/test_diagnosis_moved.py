@@ -24,18 +24,22 @@ def rounds():
     return first, second
 
 
+@pytest.fixture(scope="module")
+def before(rounds):
+    """What is told of the model with the load, by its standard errors alone."""
+    return parameters_of(rounds[0].accepted.model, {})
+
+
 def _errors(estimates):
     return {name: (estimates[name].value - true) / estimates[name].stderr for name, true in TRUTH.items()}
 
 
-def _told(rounds, *steps):
-    model = rounds[0].accepted.model
-    before = parameters_of(model, {})
-    return before, *moved(before, model.joint.layout, list(steps))
+def _told(before, *steps):
+    return moved(before, steps[0].accepted.model.joint.layout, list(steps))
 
 
-def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rounds):
-    before, after, said = _told(rounds, rounds[0], dropping(rounds[1], "explains too little"))
+def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rounds, before):
+    after, said = _told(before, rounds[0], dropping(rounds[1], "explains too little"))
     far = {name for name, error in _errors(before).items() if abs(error) > 4.0}
     assert len(far) >= 2
     assert max(abs(error) for error in _errors(after).values()) < 1.96
@@ -43,27 +47,23 @@ def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rou
     assert all(after[name].value == before[name].value for name in before)
 
 
-def test_the_distance_adds_to_the_error_as_a_variance(rounds):
-    before, after, _ = _told(rounds, rounds[0], dropping(rounds[1], "explains too little"))
+def test_the_distance_adds_to_the_error_as_a_variance(rounds, before):
+    after, _ = _told(before, rounds[0], dropping(rounds[1], "explains too little"))
     here, there = (float(one.accepted.model.judgement.drive.J) for one in rounds)
     assert after["J"].stderr ** 2 == pytest.approx(before["J"].stderr ** 2 + (there - here) ** 2, rel=1e-9)
 
 
-def test_nothing_is_said_where_only_noise_is_left(rounds):
-    model = rounds[1].accepted.model
-    before = parameters_of(model, {})
-    assert moved(before, model.joint.layout, list(rounds)) == (before, "")
+def test_nothing_is_said_where_only_noise_is_left(rounds, before):
+    assert moved(before, rounds[1].accepted.model.joint.layout, list(rounds)) == (before, "")
 
 
-def test_nothing_is_said_where_nothing_is_named(rounds):
-    base = rounds[0].before
-    before = parameters_of(base, {})
+def test_nothing_is_said_where_nothing_is_named(rounds, before):
     refused = dropping(rounds[0], "explains too little")
-    assert moved(before, base.joint.layout, [refused]) == (before, "")
+    assert moved(before, rounds[0].before.joint.layout, [refused]) == (before, "")
 
 
 @pytest.mark.parametrize("chance", ["by chance", "worse on one side"])
-def test_what_chance_brings_widens_nothing(rounds, chance):
+def test_what_chance_brings_widens_nothing(rounds, before, chance):
     refused = dropping(rounds[1], "explains too little")
     compared = refused.compared[0]
     if chance == "by chance":
@@ -75,14 +75,14 @@ def test_what_chance_brings_widens_nothing(rounds, chance):
     else:
         compared = dataclasses.replace(compared, share_holdout=-0.01)
     refused = dataclasses.replace(refused, compared=[compared])
-    before, after, said = _told(rounds, rounds[0], refused)
+    after, said = _told(before, rounds[0], refused)
     refused.trials[0].p_value = 1e-9
     assert after == before
     assert said
 
 
-def test_errors_stay_where_the_last_round_accepted(rounds):
+def test_errors_stay_where_the_last_round_accepted(rounds, before):
     """Three effects may be named: after the third nobody asked what is left."""
-    before, after, said = _told(rounds, rounds[0])
+    after, said = _told(before, rounds[0])
     assert after == before
     assert said
