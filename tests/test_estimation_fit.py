@@ -282,6 +282,7 @@ def test_a_machine_that_starts_at_once_does_not_pass_for_noise(recordings):
     assert found.noise["stick"].position == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_bound_below_zero_is_named():
     drive = PLANT.with_effects(effect("ConstantLoad", load=-0.05))
     start = PLANT.with_effects(effect("ConstantLoad", load=-0.02))
