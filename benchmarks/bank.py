@@ -191,7 +191,8 @@ def job_of(line: dict) -> dict:
 
 def can_change(evidence: list[list[float]], steps: list[dict]) -> bool:
     """Whether what was refused last may bring another name in (`exchange.instead`): beside what was accepted, which
-    does not explain nearly all."""
+    does not explain nearly all. Shares are those above the last floor; the first effect's own share, above the floor
+    of its round, is asked, too, so that rather too many lines count than too few."""
     return bool(evidence) and steps[-1]["accepted"] is None and min(evidence[0][:2]) <= ENOUGH_SHARE
 
 

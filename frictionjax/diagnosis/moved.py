@@ -9,6 +9,7 @@ from frictionjax.core import Estimate
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT
 from frictionjax.diagnosis.weigh import Step, clear, effect_p_values
 from frictionjax.estimation.parameters import Free, part_of
+from frictionjax.physics import Drive
 
 _MOVED = (
     "The extended model leaves more than noise, which may have moved its parameters: their errors include how far each "
@@ -37,25 +38,25 @@ def moved(
     last = next((step.accepted for step in reversed(steps) if step.accepted is not None), None)
     if last is None or all(last.model.judgement.within(steps[-1].floor, ADEQUATE_MISFIT)):
         return extended, ""
-    told = dict(extended)
+    others, here, told = _others(steps[-1]), steps[-1].before.judgement.drive, dict(extended)
     for free in layout:
-        own, distance = extended[free.label], _distance(steps[-1], free.path)
+        there = [np.asarray(part_of(drive, free.path)) for drive in others]
+        distance = max(
+            (float(np.max(np.abs(value - part_of(here, free.path)))) for value in there), default=0.0
+        )
+        own = extended[free.label]
         told[free.label] = dataclasses.replace(own, stderr=math.hypot(own.stderr, distance))
     return told, _MOVED
 
 
-def _distance(step: Step, path: str) -> float:
-    """The farthest that the parameter at `path` goes in a refused round, with an effect that chance does not bring."""
+def _others(step: Step) -> list[Drive]:
+    """What a refused round made of the model, with each effect that chance does not bring; none where it accepted."""
     if step.accepted is not None:
-        return 0.0
+        return []
     before, p_values = step.before.judgement, effect_p_values(step.trials)
-    here = np.asarray(part_of(before.drive, path))
-    return max(
-        (
-            float(np.max(np.abs(np.asarray(part_of(refit.model.judgement.drive, path)) - here)))
-            for refit, compared in zip(step.refits, step.compared, strict=True)
-            if min(compared.share_fit, compared.share_holdout) > 0.0
-            and clear(compared, before, step.floor, p_values[refit.effect])
-        ),
-        default=0.0,
-    )
+    return [
+        refit.model.judgement.drive
+        for refit, compared in zip(step.refits, step.compared, strict=True)
+        if min(compared.share_fit, compared.share_holdout) > 0.0
+        and clear(compared, before, step.floor, p_values[refit.effect])
+    ]
