@@ -127,8 +127,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
     # These are the program's choices to make, and they must be made before JAX computes anything.
-    from frictionjax.core import configure_jax, keep_compiled
+    from frictionjax.core import configure_jax, keep_compiled, keep_memory
 
+    keep_memory()
     configure_jax()
     keep_compiled()
     # Tracing makes objects by the million, and most of them stay: to look for cycles among them takes a tenth of the

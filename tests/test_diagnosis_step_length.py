@@ -13,7 +13,8 @@ from frictionjax.diagnosis.name import try_form
 from frictionjax.diagnosis.present import present_model
 from frictionjax.diagnosis.step_length import MOST, steps_needed, with_steps
 from frictionjax.estimation.batch import make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint, sum_clusters
+from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.look import sum_clusters
 from frictionjax.estimation.residuals import standardised
 from frictionjax.estimation.scales import plant_scales
 

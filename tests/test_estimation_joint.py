@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
 
-from frictionjax.estimation import joint as module
+from frictionjax.estimation import look as module
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import make_joint
 
@@ -21,7 +21,8 @@ def test_a_block_whose_derivatives_overflow_says_nothing_and_the_others_all(monk
     e, columns = module.compact_jacobian(joint.layout, vector, joint.setting)
     spoilt = columns.at[column, 1, 5 * block : 7 * block].set(value)
     monkeypatch.setattr(module, "compact_jacobian", lambda *_: (e, spoilt))
-    _, told = module._told_jacobian(joint.layout, vector, joint.setting, joint.most)
+    seen = module.seen_at.__wrapped__(joint.layout, vector, joint.setting, joint.most)
+    told = module._told(seen, block)
     kept = column == -1 and np.abs(value) == 1e100
     whole = np.array(spoilt if kept else columns)
     if not kept:

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares, minimize
 
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import losses_of, make_joint, misfit_of
+from frictionjax.estimation.look import told_columns
 from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt, predicted_errors
 from frictionjax.estimation.loss import Cauchy, Gaussian, Huber
 from frictionjax.estimation.parameters import unpack
@@ -42,7 +43,8 @@ def problem(batch):
 @pytest.fixture(scope="module")
 def slopes(problem):
     """Innovations and Jacobian at the true parameters."""
-    e, jacobian = problem[0].errors_and_columns(problem[1])
+    seen = problem[0].seen(problem[1])
+    e, jacobian = seen.e, told_columns(seen, problem[0].batch.block)
     return problem[0].layout, np.asarray(e), np.asarray(jacobian)
 
 

@@ -10,3 +10,4 @@ from frictionjax.core.progress import Progress as Progress
 from frictionjax.core.progress import silent as silent
 from frictionjax.core.setup import configure_jax as configure_jax
 from frictionjax.core.setup import keep_compiled as keep_compiled
+from frictionjax.core.setup import keep_memory as keep_memory

@@ -1,7 +1,10 @@
 """`configure_jax`: float64, one device per core, and compiled loops that are one piece of machine code each;
-`keep_compiled`: what is compiled is there for the processes that come after."""
+`keep_compiled`: what is compiled is there for the processes that come after; `keep_memory`: what is freed is not asked
+for again."""
 
+import ctypes
 import os
+import platform
 import warnings
 from pathlib import Path
 
@@ -92,3 +95,22 @@ def keep_compiled(folder: Path | None = None) -> None:
     if os.access(folder, os.W_OK):
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+# Numbers of glibc's `mallopt`, and what is set: nothing is given back, and all but the largest arrays come from heaps.
+# One heap for all threads would hold less, but they wait for each other in it: compilation took a third longer.
+_MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**31 - 1), "M_MMAP_THRESHOLD": (-3, 2**30)}
+
+
+def keep_memory() -> None:
+    """Let the process keep the memory of arrays that it has freed, for the next ones.
+
+    The C library of Linux gives the pages of large arrays back to the system and asks for them again, thousands of
+    times in a diagnosis, and each is emptied anew. Like `configure_jax` it affects the whole process; the program
+    `frictionjax` calls it. With another C library it does nothing.
+    """
+    if platform.libc_ver()[0] != "glibc":
+        return
+    library = ctypes.CDLL(None)
+    for option, value in _MALLOC.values():
+        library.mallopt(option, value)

@@ -15,7 +15,8 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.refit import Model
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.joint import CLUSTER_BLOCKS, Joint
+from frictionjax.estimation.joint import Joint
+from frictionjax.estimation.look import CLUSTER_BLOCKS
 from frictionjax.estimation.no_model import innovations_without_model
 
 _HALF = 0.5  # of the energy

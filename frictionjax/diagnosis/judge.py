@@ -5,7 +5,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch
-from frictionjax.estimation.joint import CLUSTER_BLOCKS, Joint, losses_of
+from frictionjax.estimation.joint import Joint, losses_of
+from frictionjax.estimation.look import CLUSTER_BLOCKS
 from frictionjax.estimation.robust_fit import Fitted
 from frictionjax.physics import Drive
 

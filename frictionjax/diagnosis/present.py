@@ -8,7 +8,8 @@ from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.imposed import errors_with_effect
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.joint import Joint, misfit_of, sum_clusters
+from frictionjax.estimation.joint import Joint, misfit_of
+from frictionjax.estimation.look import sum_clusters, told_columns
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised
 from frictionjax.physics import Drive, Push
@@ -161,8 +162,11 @@ def _weighing(power, knee, e, fine, jacobian, setting):
 
 def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
     """The fitted model before its fitted recordings, ready for tests."""
+    rows = np.flatnonzero(np.asarray(joint.fitted) > 0)
+    # Seen with those kept aside: that program is there already.
+    seen = joint.seen(vector).of_recordings(rows)
     joint, vector = joint.of_fitted(vector)
-    e, jacobian = joint.errors_and_columns(vector)
+    e, jacobian = seen.e, told_columns(seen, joint.batch.block)
     fine = _fine(joint.layout, vector, joint.setting, e)
     power = np.asarray(block_power(e, joint.batch))
     used = power[np.asarray(joint.batch.block_count) > 0]

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from frictionjax.diagnosis.axes import Axis
 from frictionjax.diagnosis.judge import Scene
-from frictionjax.estimation.joint import CLUSTER_BLOCKS
+from frictionjax.estimation.look import CLUSTER_BLOCKS
 
 LEAST_SAMPLES = 200
 """A bin with fewer samples is left out."""

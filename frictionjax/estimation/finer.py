@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import Batch
-from frictionjax.estimation.joint import Joint, Look
+from frictionjax.estimation.joint import Joint
 from frictionjax.estimation.least_squares import Setting
+from frictionjax.estimation.look import Look, told_columns
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised
 
@@ -53,7 +54,7 @@ def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> tupl
     if not isinstance(joint.batch, Batch) or not np.all(np.isfinite(hessian)):
         return vector, False
     count = len(joint.layout)
-    _, columns = joint.errors_and_columns(vector)
+    columns = told_columns(joint.seen(vector), joint.batch.block)
     inverse = np.linalg.pinv(hessian, hermitian=True)
     # What the recordings do not show stays: the prior alone would draw it to where the fit began.
     shown = np.diag(hessian) > 2.0 * np.asarray(joint.setting.prior) ** 2

@@ -14,7 +14,8 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch, rows_of
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.least_squares import Setting, all_columns, compact_jacobian, predicted_errors
+from frictionjax.estimation.least_squares import Setting, predicted_errors
+from frictionjax.estimation.look import Look, Seen, cluster_curvatures, look_of, seen_at
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
 from frictionjax.estimation.residuals import block_power
@@ -24,104 +25,11 @@ from frictionjax.simulation import Gains, observer_gains
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
 """Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
-CLUSTER_BLOCKS = 10
-"""Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 _EXPLODED = 30.0
 """Times what the observer errs without any model: the most by which one coordinate of the model, a factor e of a
 parameter, may change an innovation, if its derivative is to mean anything."""
-_SQUARED = 1e150  # the square of more is no number
 LANES = 6
 """Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
-
-
-class Look(eqx.Module):
-    """One vector before all recordings.
-
-    **Attributes:** `power` (mean square of the standardised innovations in each block, `(r, b)`), `cost` (at the knee,
-    of the fitted recordings and the prior), `gradient` `(q,)`, `hessian` `(q, q)` (Gauss-Newton, with the prior), and
-    `clusters`, the gradient of each cluster of 0.5 s without the prior, `(c, q)`.
-    """
-
-    power: Float[Array, "r b"]
-    cost: Float[Array, ""]
-    gradient: Float[Array, " q"]
-    hessian: Float[Array, "q q"]
-    clusters: Float[Array, "c q"]
-
-
-def _cost(power, knee, count):
-    """Cauchy cost of each recording with the knee at the power `knee`, of blocks of `count` samples, shape `(r,)`."""
-    return 0.5 * jnp.sum(count * jnp.log((power + knee) / (2.0 * knee)), axis=1)
-
-
-def _own_prior(vector, setting, recordings):
-    off = (vector - setting.start) * setting.prior
-    return off, 0.5 * off[-recordings:] ** 2
-
-
-def _told_jacobian(layout, vector, setting: Setting, most):
-    """Innovations and their compact Jacobian without the blocks in which it exploded.
-
-    A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow without
-    end and say nothing of a finite step, and one such block would outvote all others. No parameter can do more to the
-    motion than to make the whole of it another. A starting deflection can: all that it might be is far more than a
-    machine in stick moves.
-    """
-    e, columns = compact_jacobian(layout, vector, setting)
-    block, samples = setting.batch.block, columns.shape[-1]
-    # Each by itself: a maximum may pass over what is not a number.
-    told = jnp.all(jnp.abs(columns[: len(layout)]) <= most[None, :, None], axis=0)
-    told = told & (jnp.abs(columns[-1]) < _SQUARED)
-    sound = jnp.all(told.reshape(told.shape[0], -1, block), axis=-1)
-    return e, jnp.where(jnp.repeat(sound, block, axis=-1, total_repeat_length=samples)[None], columns, 0.0)
-
-
-@eqx.filter_jit
-def _look(layout, vector, setting: Setting, fitted, most, knee) -> Look:
-    e, columns = _told_jacobian(layout, vector, setting, most)
-    batch, count, recordings = setting.batch, len(layout), fitted.shape[0]
-    power = block_power(e, batch)
-    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * setting.weight
-    off, deflected = _own_prior(vector, setting, recordings)
-    counted = batch.block_count * batch.block_mean(setting.weight)
-    cost = jnp.sum(fitted * (_cost(power, knee, counted) + deflected)) + 0.5 * jnp.sum(off[:count] ** 2)
-    # As few passes through the columns as there can be: they are what takes the time beside the simulation. No
-    # parameter sees a recording that is kept aside, and a starting deflection sees its own only.
-    weighted = columns * weight[None]
-    flat = (columns[:count] * fitted[None, :, None]).reshape(count, -1)
-    seen = weighted[:count].reshape(count, -1) @ flat.T
-    beside = jnp.sum(weighted * columns[count:], axis=-1)
-    cross = fitted[None] * beside[:count]
-    hessian = jnp.block([[seen, cross], [cross.T, jnp.diag(beside[count])]])
-    sums = sum_clusters(weighted * e[None], batch.block).reshape(recordings, -1, count + 1)
-    mine = jnp.eye(recordings)[:, None, :] * sums[:, :, count:]
-    clusters = jnp.concatenate([fitted[:, None, None] * sums[:, :, :count], mine], axis=-1)
-    clusters = clusters.reshape(-1, count + recordings)
-    gradient = jnp.sum(clusters, axis=0) + off * setting.prior
-    return Look(power, cost, gradient, hessian + jnp.diag(setting.prior**2), clusters)
-
-
-@eqx.filter_jit
-def _curvatures(layout, vector, setting: Setting, fitted, most):
-    """Parts of the Gauss-Newton matrix by cluster in the parameters and the own starting deflection, `(r, c, k, k)`."""
-    e, columns = _told_jacobian(layout, vector, setting, most)
-    batch = setting.batch
-    weight = jnp.repeat(1.0 / (block_power(e, batch) + 1.0), batch.block, axis=-1) * setting.weight
-    columns = columns.at[: len(layout)].multiply(fitted[None, :, None])
-    length = batch.block * CLUSTER_BLOCKS
-    short = ((0, 0), (0, 0), (0, -columns.shape[-1] % length))
-    seen, weighted = (
-        jnp.pad(some, short).reshape(*some.shape[:2], -1, length)
-        for some in (columns, columns * weight[None])
-    )
-    return jnp.einsum("irct,jrct->rcij", seen, weighted)
-
-
-def sum_clusters(values: Float[Array, "q r n"], block: int) -> Float[Array, "c q"]:
-    """Sums of `values` over clusters of 0.5 s (`CLUSTER_BLOCKS` blocks of `block` samples)."""
-    length = block * CLUSTER_BLOCKS
-    padded = jnp.pad(values, ((0, 0), (0, 0), (0, -values.shape[-1] % length)))
-    return padded.reshape(values.shape[0], -1, length).sum(-1).T
 
 
 @eqx.filter_jit
@@ -132,12 +40,6 @@ def _lanes(layout, vectors, setting: Setting):
 @eqx.filter_jit
 def _powers(e, batch):
     return jax.vmap(lambda lane: block_power(lane, batch))(e)
-
-
-@eqx.filter_jit
-def _errors_and_columns(layout, vector, setting: Setting, most):
-    e, columns = _told_jacobian(layout, vector, setting, most)
-    return e, all_columns(columns)
 
 
 def _most(batch: AbstractBatch, gains: Gains) -> Float[Array, " r"]:
@@ -175,18 +77,21 @@ class Joint(eqx.Module):
 
     def look(self, vector: Float[Array, " q"], knee: float = 1.0) -> Look:
         """The cost near `vector`, shape `(q,)`, with the Cauchy knee at the power `knee`."""
-        return _look(self.layout, vector, self.setting, self.fitted, self.most, jnp.asarray(knee))
+        return self.look_of(self.seen(vector), vector, knee)
 
-    def errors_and_columns(
-        self, vector: Float[Array, " q"]
-    ) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
-        """Standardised innovations at `vector` and their Jacobian, `(r, n)` and `(q, r, n)`."""
-        return _errors_and_columns(self.layout, vector, self.setting, self.most)
+    def look_of(self, seen: Seen, vector: Float[Array, " q"], knee: float = 1.0) -> Look:
+        """The same of what is `seen` of the `vector`."""
+        return look_of(seen, vector, self.setting, self.fitted, knee)
+
+    def seen(self, vector: Float[Array, " q"]) -> Seen:
+        """Standardised innovations at `vector`, shape `(q,)`, and their derivatives."""
+        return seen_at(self.layout, vector, self.setting, self.most)
 
     def curvatures(self, vector: Float[Array, " q"]) -> Float[np.ndarray, "c q q"]:
         """The part that each cluster of 0.5 s has in the Hessian of `look` at `vector`; without the prior, which is
         nobody's, they add up to it."""
-        own = np.asarray(_curvatures(self.layout, vector, self.setting, self.fitted, self.most))
+        own = cluster_curvatures(self.seen(vector), self.setting.weight, self.fitted, self.batch.block)
+        own = np.asarray(own)
         count, (recordings, each) = len(self.layout), own.shape[:2]
         whole = np.zeros((recordings, each, count + recordings, count + recordings))
         for row in range(recordings):

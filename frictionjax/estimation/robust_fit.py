@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.joint import Joint, Look, misfit_of
+from frictionjax.estimation.joint import Joint, misfit_of
+from frictionjax.estimation.look import Look, Seen
 
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee, in turn
 _LEVEL = 0.95  # quantile of the block powers below which all count alike
@@ -60,14 +61,13 @@ def descend(
         one nat where that is less (or 1e-5).
     """
     vector = jnp.asarray(vector)
-    look = joint.look(vector)
+    seen = joint.seen(vector)
     if graduate:
         for quantile in _GRADUATION:
-            knee = _knee(joint, look, quantile)
+            knee = _knee(joint, seen, quantile)
             if knee > 1.2:
-                vector, _ = _walk(joint, vector, joint.look(vector, knee), knee, 4, 0.05)
-                look = joint.look(vector)
-    vector, (look, rested) = _walk(joint, vector, look, 1.0, steps, tolerance)
+                vector, seen, _, _ = _walk(joint, vector, seen, knee, 4, 0.05)
+    vector, _, look, rested = _walk(joint, vector, seen, 1.0, steps, tolerance)
     return Fitted(
         vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), rested
     )
@@ -80,43 +80,48 @@ def level_out(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     to the noise and ignore the other. From there no small step leads on; from where both are missed alike one does.
     """
     vector = jnp.asarray(vector)
-    knee = _knee(joint, joint.look(vector), _LEVEL)
+    seen = joint.seen(vector)
     for _ in range(2):  # the knee of the blocks that the new place leaves
-        vector, (look, _) = _walk(joint, vector, joint.look(vector, knee), knee, 8, 0.01)
-        knee = _knee(joint, look, _LEVEL)
+        vector, seen, _, _ = _walk(joint, vector, seen, _knee(joint, seen, _LEVEL), 8, 0.01)
     return vector
 
 
-def _knee(joint: Joint, look: Look, quantile: float) -> float:
+def _knee(joint: Joint, seen: Seen, quantile: float) -> float:
     """That quantile of the powers of the blocks that are fitted, at least that of the noise."""
     fitted = np.asarray(joint.fitted) > 0
     scored = np.asarray(joint.batch.block_count)[fitted] > 0
-    power = np.nan_to_num(np.asarray(look.power)[fitted][scored], nan=1e30)
+    power = np.nan_to_num(np.asarray(seen.power)[fitted][scored], nan=1e30)
     return max(float(np.quantile(power, quantile)), 1.0)
 
 
-def _walk(joint: Joint, vector, look: Look, knee: float, steps: int, tolerance: float):
+def _walk(
+    joint: Joint, vector: Float[Array, " q"], seen: Seen, knee: float, steps: int, tolerance: float
+) -> tuple[Float[Array, " q"], Seen, Look, bool]:
+    """At most so many `steps` with the knee at the power `knee`: the vector, what is seen of it, its look, and whether
+    it is at rest."""
     samples = float(np.sum(np.asarray(joint.batch.block_count) * np.asarray(joint.fitted)[:, None]))
     aside = np.flatnonzero(np.asarray(joint.fitted) == 0.0) + len(joint.layout)
-    damping, still = _DAMPING, 0
+    damping, still, look = _DAMPING, 0, joint.look_of(seen, vector, knee)
     for _ in range(steps):
         if not np.all(np.isfinite(np.asarray(look.hessian))):
-            return vector, (look, False)
+            return vector, seen, look, False
         now = np.asarray(vector)
         tried = now + _step(joint, now, look, damping)
         tried[aside] = np.clip(tried[aside], -1.0, 1.0)
-        seen = joint.look(jnp.asarray(tried), knee)
-        cost, new = float(look.cost), float(seen.cost)
+        there = joint.seen(jnp.asarray(tried))
+        beyond = joint.look_of(there, jnp.asarray(tried), knee)
+        cost, new = float(look.cost), float(beyond.cost)
         if np.isfinite(new) and new < cost:
             gained = (cost - new) / samples
-            vector, look, damping = jnp.asarray(tried), seen, max(damping / 5.0, _LEAST)
+            vector, seen, look = jnp.asarray(tried), there, beyond
+            damping = max(damping / 5.0, _LEAST)
             # The cost is a logarithm: far from the noise, too, a nat is a factor e in the errors.
             little = max(1e-5, tolerance * min(cost / samples, 1.0))
             still = still + 1 if gained < little else 0
             if still >= 2:
-                return vector, (look, True)
+                return vector, seen, look, True
         else:
             damping *= 8.0
             if damping > _MOST:
-                return vector, (look, True)
-    return vector, (look, False)
+                return vector, seen, look, True
+    return vector, seen, look, False
