@@ -13,8 +13,8 @@ from scipy.optimize import least_squares, minimize
 
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import losses_of, make_joint, misfit_of
-from frictionjax.estimation.look import told_columns
 from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt, predicted_errors
+from frictionjax.estimation.look import told_columns
 from frictionjax.estimation.loss import Cauchy, Gaussian, Huber
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised

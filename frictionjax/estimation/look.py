@@ -53,7 +53,7 @@ class Look(eqx.Module):
 
 
 # XLA's next level compiles for a third longer, and what it makes of this loop is a tenth slower.
-@eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})
+@eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
 def seen_at(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting, most: Float[Array, " r"]
 ) -> Seen:
