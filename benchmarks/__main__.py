@@ -2,8 +2,9 @@
 
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
-NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `flags`, `simulation_gpu`, `compile_time`,
-`compile_time_diagnose`, `estimation_study`, `estimation_refit`, `estimation_plants`; all if none is given.
+NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `lanes`, `flags`, `simulation_gpu`,
+`compile_time`, `compile_time_diagnose`, `estimation_study`, `estimation_refit`, `estimation_plants`; all if none is
+given.
 """
 
 import argparse
@@ -24,6 +25,7 @@ NAMES = (
     "simulation",
     "solvers",
     "parallel_in_time",
+    "lanes",
     "flags",
     "simulation_gpu",
     "compile_time",

@@ -46,6 +46,7 @@ def _run(*arguments):
         pytest.param("simulation", marks=pytest.mark.slow),
         pytest.param("solvers", marks=pytest.mark.slow),
         "parallel_in_time",
+        "lanes",
         "simulation_gpu",
         pytest.param("compile_time", marks=pytest.mark.slow),
         pytest.param("compile_time_diagnose", marks=pytest.mark.slow),

@@ -7,7 +7,8 @@ linear gain can be a mirage), and the clustered score test gives the p-value. On
 """
 
 import itertools
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +22,7 @@ from frictionjax.estimation.look import sum_clusters
 from frictionjax.estimation.uncertainty import merged
 from frictionjax.physics.effects import AbstractEffect
 
+_T = TypeVar("_T")
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
@@ -123,7 +125,7 @@ class _Probe(NamedTuple):
 
 def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Trial]:
     """Test one form of an effect against the `present` model: its `promises_of`, `simulated`."""
-    return simulated(present, promises_of(present, instances, scales))
+    return simulated(present, promises_of(present, [instances], scales))[0]
 
 
 def worth_simulating(promised: list[list[Promise]]) -> float:
@@ -132,43 +134,62 @@ def worth_simulating(promised: list[list[Promise]]) -> float:
     return _FAINT * max((promise.linear_gain for some in promised for promise in some), default=0.0)
 
 
-def promises_of(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Promise]:
-    """What one form of an effect promises beside the `present` model, best first.
+def promises_of(
+    present: Present, forms: Sequence[list[AbstractEffect]], scales: dict[str, float]
+) -> list[list[Promise]]:
+    """What forms of effects promise beside the `present` model, those of each best first.
 
     **Arguments:**
 
     - `present`: the fitted model.
-    - `instances`: the form at zero strength, at each point of its grid.
+    - `forms`: each a form at zero strength, at each point of its grid.
     - `scales`: the plant's sizes.
 
     **Returns:**
 
-    One `Promise` per instance and finite step, unless the step threw the motion.
+    For each form one `Promise` per instance and finite step, unless the step threw the motion.
     """
-    probes = [probe for instance in instances for probe in _probes(present, instance, scales)]
-    promises = []
-    for some in _side_by_side(probes):
-        joints = [probe.joint for probe in some for _ in probe.where]
-        vectors = [
-            _further(probe.vector, i, size)
-            for probe in some
-            for i, size in zip(probe.where, probe.sizes, strict=True)
-        ]
-        sizes = np.ones(max(len(vectors), BESIDE))
-        sizes[: len(vectors)] = [size for probe in some for size in probe.sizes]
-        weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
-        errors = present.lanes(joints, vectors)
+    blocks = [
+        (number, probes)
+        for number, instances in enumerate(forms)
+        for probes in _side_by_side([p for instance in instances for p in _probes(present, instance, scales)])
+    ]
+    weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
+    promises: list[list[Promise]] = [[] for _ in forms]
+    for (number, probes), errors in zip(
+        blocks, present.lanes(_steps(some) for _, some in blocks), strict=True
+    ):
+        sizes = np.ones(len(errors))
+        steps = [size for probe in probes for size in probe.sizes]
+        sizes[: len(steps)] = steps
         good, products = _regressed(
             errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.joint.batch.block
         )
         good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
         first = 0
-        for probe in some:
+        for probe in probes:
             own = slice(first, first + len(probe.where))
             first += len(probe.where)
             if np.all(good[own]):
-                promises.append(_promise(present, probe, [_part(product, own) for product in products]))
-    return sorted(promises, key=lambda promise: -promise.linear_gain)
+                promise = _promise(present, probe, [_part(product, own) for product in products])
+                promises[number].append(promise)
+    return [sorted(some, key=lambda promise: -promise.linear_gain) for some in promises]
+
+
+def lots(items: Sequence[_T], size: int) -> list[Sequence[_T]]:
+    """The `items`, as many together as `size` says."""
+    return [items[first : first + size] for first in range(0, len(items), size)]
+
+
+def _steps(probes: list[_Probe]) -> tuple[list[Joint], list[np.ndarray]]:
+    """Joint and vector of each step of the `probes`."""
+    joints = [probe.joint for probe in probes for _ in probe.where]
+    vectors = [
+        _further(probe.vector, place, size)
+        for probe in probes
+        for place, size in zip(probe.where, probe.sizes, strict=True)
+    ]
+    return joints, vectors
 
 
 def _further(vector: Array, place: int, size: float) -> np.ndarray:
@@ -252,30 +273,43 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
     return Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
 
 
-def simulated(present: Present, promises: list[Promise], least: float = 0.0) -> list[Trial]:
-    """The trials of one form's `promises`, best first. Those that come to no more than `least` are not simulated, and
-    have no gain; of the first every candidate is, of the second the undamped ones, of the others none."""
-    chosen = [
+def simulated(present: Present, promised: Sequence[list[Promise]], least: float = 0.0) -> list[list[Trial]]:
+    """The trials of what each of some forms `promised`, best first. Those that come to no more than `least` are not
+    simulated, and have no gain; of the first every candidate is, of the second the undamped ones, of the others none.
+    """
+    blocks = [
+        (number, some)
+        for number, promises in enumerate(promised)
+        for some in lots(_worth_it(promises, least), BESIDE)
+    ]
+    best: list[dict[int, tuple[float, np.ndarray]]] = [{} for _ in promised]
+    runs = present.lanes(
+        ([promised[number][rank].joint for rank, _ in some], [vector for _, vector in some])
+        for number, some in blocks
+    )
+    fitted, batch = np.asarray(present.joint.fitted), present.joint.batch
+    for (number, some), errors in zip(blocks, runs, strict=True):
+        powers = np.asarray(lane_powers(errors, batch))[: len(some)]
+        for (rank, vector), power in zip(some, powers, strict=True):
+            gain = present.misfit - misfit_of(power, fitted, batch)
+            if rank not in best[number] or gain > best[number][rank][0]:
+                best[number][rank] = gain, vector
+    return [
+        [
+            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.joint.setting.start))))
+            for rank, promise in enumerate(promises)
+        ]
+        for promises, found in zip(promised, best, strict=True)
+    ]
+
+
+def _worth_it(promises: list[Promise], least: float) -> list[tuple[int, np.ndarray]]:
+    """Rank and vector of those candidates of one form's `promises` that are simulated."""
+    return [
         (rank, vector)
         for rank, promise in enumerate(promises[:2])
         if promise.linear_gain > max(_HOPELESS, least)
         for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
-    ]
-    best: dict[int, tuple[float, np.ndarray]] = {}
-    if chosen:
-        powers = []
-        for first in range(0, len(chosen), BESIDE):
-            some = chosen[first : first + BESIDE]
-            errors = present.lanes([promises[rank].joint for rank, _ in some], [v for _, v in some])
-            powers += list(np.asarray(lane_powers(errors, present.joint.batch))[: len(some)])
-        fitted = np.asarray(present.joint.fitted)
-        for (rank, vector), power in zip(chosen, powers, strict=True):
-            gain = present.misfit - misfit_of(power, fitted, present.joint.batch)
-            if rank not in best or gain > best[rank][0]:
-                best[rank] = gain, vector
-    return [
-        _trial(promise, *best.get(rank, (-np.inf, np.asarray(promise.joint.setting.start))))
-        for rank, promise in enumerate(promises)
     ]
 
 

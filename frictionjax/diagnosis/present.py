@@ -1,5 +1,7 @@
 """The fitted model as the tests of effects see it: innovations, weighed Jacobian, and effects injected into it."""
 
+from collections.abc import Iterable, Iterator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,11 +17,12 @@ from frictionjax.estimation.residuals import block_power, standardised
 from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import innovation_gain, observe
-from frictionjax.simulation.injected import Along, along, injected_innovations, signals_along
+from frictionjax.simulation.injected import Along, Signals, along, injected_innovations, signals_along
 from frictionjax.simulation.observer import corrected_states
 
 BESIDE = 4
-"""Vectors that are tested side by side. More of them do not fit the processor's cache, and most forms have no more."""
+"""Vectors of one effect that are tested side by side; most forms have no more."""
+_TOGETHER = 2  # so many effects go together: beyond 64 rows the loops take longer for each
 _FINER = 4  # times as many integration steps: a sixteenth of the error of the scheme is left
 
 
@@ -54,29 +57,54 @@ class Present(eqx.Module):
     samples: float
     motion: Along | None
 
-    def lanes(self, joints: list[Joint], vectors: list) -> Float[Array, "lanes r n"]:
-        """Standardised innovations for `vectors` of this model with one more effect (`joints`, all of one layout),
-        whose signals along the observed motion are injected. There are `BESIDE` lanes or more; the last of the vectors
-        fills those that are left. Where the motion is imposed the model with the effect is run as it is."""
-        filled = [*vectors, *[vectors[-1]] * (BESIDE - len(vectors))]
-        joints = [*joints, *[joints[-1]] * (BESIDE - len(joints))]
-        if self.motion is None:
-            return errors_with_effect(joints, filled)
+    def lanes(self, blocks: Iterable[tuple[list[Joint], list]]) -> Iterator[Float[Array, "lanes r n"]]:
+        """Standardised innovations for the vectors of each of the `blocks`: of this model with one more effect, joints
+        of one layout and as many vectors, whose signals along the observed motion are injected. There are `BESIDE`
+        lanes or more to a block; the last of its vectors fills those that are left. Where the motion is imposed the
+        model with the effect is run as it is."""
+        ready: list[tuple[Array, Signals]] = []
+        for joints, vectors in blocks:
+            filled = [*vectors, *[vectors[-1]] * (BESIDE - len(vectors))]
+            joints = [*joints, *[joints[-1]] * (BESIDE - len(joints))]
+            if self.motion is None:
+                yield errors_with_effect(joints, filled)
+                continue
+            ready.append(self._signals(joints, filled))
+            if len(ready) == _TOGETHER:
+                # Blocks are alike but for those of effects with many strengths.
+                alike = len({str(jax.tree.map(jnp.shape, block)) for block in ready}) == 1
+                run = _TOGETHER if alike else 1
+                yield from self._innovations(ready[:run])
+                ready = ready[run:]
+        for block in ready:
+            yield from self._innovations([block])
+
+    def _signals(self, joints: list[Joint], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
+        """The `vectors` without what is the effect's, and the signals of the effect at each of them."""
+        assert self.motion is not None
         old, more = len(self.joint.layout), len(joints[0].layout)
         drive, batch = self.drive, self.joint.batch
-        each = [_effect_at(joint, vector) for joint, vector in zip(joints, filled, strict=True)]
+        each = [_effect_at(joint, vector) for joint, vector in zip(joints, vectors, strict=True)]
         effects = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
         model = (drive.friction, drive.J, drive.motor_constant)
         signals = _signals(effects, model, self.motion, batch.dt, batch.before)
-        stack = np.stack([np.asarray(vector) for vector in filled])
-        own = np.concatenate([stack[:, :old], stack[:, more:]], axis=1)
+        stack = np.stack([np.asarray(vector) for vector in vectors])
+        return jnp.asarray(np.concatenate([stack[:, :old], stack[:, more:]], axis=1)), signals
+
+    def _innovations(self, blocks: list) -> list[Float[Array, "lanes r n"]]:
+        """Those of each of the `blocks`. One program serves all: it runs `_TOGETHER` of them, the last again where
+        there are fewer."""
+        assert self.motion is not None
         push = Push(self.motion.push, self.motion.rise)
-        return _injected_lanes(self.joint.layout, jnp.asarray(own), self.joint.setting, push, signals)
+        filled = [*blocks, *[blocks[-1]] * (_TOGETHER - len(blocks))]
+        vectors, signals = zip(*filled, strict=True)
+        return _injected_lanes(self.joint.layout, vectors, self.joint.setting, push, signals)[: len(blocks)]
 
     def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
-        """`lanes` for any number of vectors, shape `(k, r, n)`."""
+        """`lanes` for any number of vectors of one effect, shape `(k, r, n)`."""
         parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
-        return jnp.concatenate([self.lanes(joints[p], vectors[p])[: len(vectors[p])] for p in parts])
+        found = self.lanes((joints[part], vectors[part]) for part in parts)
+        return jnp.concatenate(list(found))[: len(vectors)]
 
 
 def _effect_at(joint: Joint, vector) -> AbstractEffect:
@@ -123,18 +151,14 @@ def _signals(effects, model, motion, dt, before):
 @eqx.filter_jit
 def _injected_lanes(layout, vectors, setting, push, signals):
     batch, gains, count = setting.batch, setting.gains, len(layout)
-
-    def lane(vector, signals):
-        drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
-        z0 = vector[count:] * drive.friction.Fs / drive.friction.sigma0
-
-        def one(u, x, dt, gains, start, push, signals):
-            return injected_innovations(drive, signals, push, x, dt, gains, start, substeps=batch.substeps)
-
-        raw = batch.each(one, gains, z0, push, signals)
-        return raw / (batch.noise * innovation_gain(gains))[:, None] * batch.valid
-
-    return jax.vmap(lane)(vectors, signals)
+    stack = jnp.concatenate(vectors)
+    drives = jax.vmap(lambda own: unpack(layout, setting.drive, own, setting.start[:count]))(stack[:, :count])
+    z0 = stack[:, count:] * (drives.friction.Fs / drives.friction.sigma0)[:, None]
+    start = (batch.x0, batch.v0, z0, batch.before)
+    every = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *signals)
+    raw = injected_innovations(drives, every, push, batch.x, batch.dt, gains, start, substeps=batch.substeps)
+    e = raw / (batch.noise * innovation_gain(gains))[None, :, None] * batch.valid[None]
+    return jnp.split(e, np.cumsum([len(own) for own in vectors])[:-1])
 
 
 @eqx.filter_jit

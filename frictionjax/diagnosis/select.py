@@ -11,7 +11,7 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.exchange import exchanged, instead
 from frictionjax.diagnosis.floor import answer_to_force
 from frictionjax.diagnosis.judge import ADEQUATE_MISFIT, explained, judge
-from frictionjax.diagnosis.name import Trial, forms_to_try, promises_of, simulated, worth_simulating
+from frictionjax.diagnosis.name import Trial, forms_to_try, lots, promises_of, simulated, worth_simulating
 from frictionjax.diagnosis.present import Present, present_model
 from frictionjax.diagnosis.refit import (
     Model,
@@ -41,6 +41,9 @@ from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, cata
 LEAST_GAIN = 0.0005
 """Drop of the misfit, per sample, below which a candidate is not worth a refit."""
 _ROUNDS = 3
+_TO_A_TASK = (
+    4  # forms that are tested one after the other: each fills half a program, and two of them go together
+)
 _LEVELLED = 0.2  # misfit above which a model may have given up a whole regime
 _CLOSE = 0.3  # the same: nearer than this the last steps of two refits may decide between them
 _WORTHLESS = 0.2  # the same: no last steps make a name of less
@@ -83,18 +86,23 @@ def try_catalogue(
         return grid
 
     # All of them are queued before one is waited for: no core idles between the models.
+    grids = lots([instances(form) for form in forms], _TO_A_TASK)
     promising = [
-        executor.map(lambda form, seen=seen: promises_of(seen, instances(form), scales), forms)
-        for seen in presents
+        executor.map(lambda some, seen=seen: promises_of(seen, some, scales), grids) for seen in presents
     ]
     simulating = []
     for seen, promises in zip(presents, promising, strict=True):
-        promised = list(promises)
+        promised = [one for some in promises for one in some]
         least = worth_simulating(promised)
         simulating.append(
-            executor.map(lambda some, seen=seen, least=least: simulated(seen, some, least), promised)
+            executor.map(
+                lambda some, seen=seen, least=least: simulated(seen, some, least), lots(promised, _TO_A_TASK)
+            )
         )
-    return [[_as_chosen(trial, waves) for some in trials for trial in some] for trials in simulating]
+    return [
+        [_as_chosen(trial, waves) for some in trials for own in some for trial in own]
+        for trials in simulating
+    ]
 
 
 def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:

@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch, rows_of
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.least_squares import Setting, predicted_errors
+from frictionjax.estimation.least_squares import Setting
 from frictionjax.estimation.look import Look, Seen, cluster_curvatures, look_of, seen_at
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
-from frictionjax.estimation.residuals import block_power
+from frictionjax.estimation.residuals import block_power, standardised_lanes
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import Gains, observer_gains
@@ -34,7 +34,11 @@ LANES = 6
 
 @eqx.filter_jit
 def _lanes(layout, vectors, setting: Setting):
-    return jax.vmap(lambda vector: predicted_errors(layout, vector, setting))(vectors)
+    count = len(layout)
+    drives = jax.vmap(lambda own: unpack(layout, setting.drive, own, setting.start[:count]))(
+        vectors[:, :count]
+    )
+    return standardised_lanes(drives, vectors[:, count:], setting.batch, setting.gains)
 
 
 @eqx.filter_jit

@@ -1,11 +1,13 @@
 """Standardised prediction errors of a whole batch: innovations, or errors of the force under an imposed motion."""
 
+import jax
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.simulation import Gains, innovation_gain, innovations
+from frictionjax.simulation.lanes import innovations_side_by_side
 
 
 def standardised(
@@ -36,6 +38,19 @@ def standardised(
         errors = batch.force - batch.run(drive, deflection)[2]
         return errors / (batch.ease * batch.noise)[:, None] * batch.valid
     return _innovations(drive, deflection, batch, gains, finer)
+
+
+def standardised_lanes(
+    drives: Drive, z0: Float[Array, "k r"], batch: AbstractBatch, gains: Gains
+) -> Float[Array, "k r n"]:
+    """The `standardised` errors of `k` drives side by side; the leaves of `drives` have the shape `(k, ...)`."""
+    if isinstance(batch, ImposedBatch):
+        return jax.vmap(lambda drive, deflection: standardised(drive, deflection, batch, gains))(drives, z0)
+    assert isinstance(batch, Batch)
+    deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
+    start = (batch.x0, batch.v0, deflection, batch.before)
+    raw = innovations_side_by_side(drives, batch.u, batch.x, batch.dt, gains, start, substeps=batch.substeps)
+    return raw / (batch.noise * innovation_gain(gains))[None, :, None] * batch.valid[None]
 
 
 def _innovations(drive: Drive, deflection, batch, gains: Gains, finer: int):

@@ -34,10 +34,11 @@ from frictionjax.physics.effects import (
     Before,
     Now,
 )
-from frictionjax.simulation.fixed import Start, state_at
+from frictionjax.simulation.fixed import Start
+from frictionjax.simulation.lanes import begin_rows, rows_along, tiled
 from frictionjax.simulation.load_side import contact, relaxed
-from frictionjax.simulation.observer import Gains, corrected
-from frictionjax.simulation.ros2 import State, advance
+from frictionjax.simulation.observer import Gains, innovation_step
+from frictionjax.simulation.ros2 import State
 
 
 class Injection(
@@ -259,30 +260,37 @@ def signals_along(
 
 
 def injected_innovations(
-    drive: Drive,
+    drives: Drive,
     signals: Signals,
-    force: Float[Array, " n"] | Push,
-    x: Float[Array, " n"],
-    dt: Float[Array, ""],
+    force: Float[Array, "r n"] | Push,
+    x: Float[Array, "r n"],
+    dt: Float[Array, " r"],
     gains: Gains,
     start: Start,
     *,
     substeps: int = 1,
-) -> Float[Array, " n"]:
-    """Innovations of the observer along one recording, shape `(n,)`, with an effect's `signals` in the equations of
-    `drive`; the other arguments as in `innovations`."""
+) -> Float[Array, "k r n"]:
+    """Innovations of the observer with effects' `signals` in the equations of `k` drives, in each of `r` recordings.
 
-    def sample(state, inputs):
-        push, measured, t, slots = inputs
-        parts = signals.parts(slots)
+    **Arguments:** leaves of `drives` have the shape `(k, ...)`, those of `signals` `(k, r, ...)`; `force` is that of
+    the drives without the effects, the same for all; the others as in `innovations_side_by_side`.
+    """
+    count, recordings = start[2].shape
+    rows, begin = begin_rows(drives, start[2], start)
+    slots, places = jax.tree.map(
+        lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), (signals.slots, signals.places)
+    )
+
+    def step(fixed, state, shared, slots):
+        (drive, places, dt, gains), (push, measured, t) = fixed, shared
+        parts = Signals(slots, places).parts(slots)
         rise = parts.pop("more_rise") + (push.rise if isinstance(push, Push) else 0.0)
         push = Push(mean_of(push) + parts.pop("more_push"), rise)
         measured = measured - parts.pop("more_shown")
         now = drive.with_effects(Injection(**parts))
-        bristles = now.bristles()
-        innovation = measured - now.seen(state.x, t, state.hidden)
-        state = corrected(now, bristles.slack, state, innovation, gains)
-        return advance(now, bristles, state, push, dt, substeps, exact_derivative=False), innovation
+        return innovation_step(now, dt, gains, substeps)(state, (push, measured, t))
 
-    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return jax.lax.scan(sample, state_at(drive, start), (force, x, t, signals.slots))[1]
+    t = jnp.arange(x.shape[1], dtype=x.dtype)[None] * dt[:, None]
+    times, every = tiled((dt, gains), count)
+    found = rows_along(step, count, (rows, places, times, every), begin, (force, x, t), slots)
+    return found.reshape(count, recordings, -1)

@@ -5,6 +5,7 @@ measurement noise and the true model, the root mean square of the innovation is 
 noise (`innovation_gain`), so that "nothing is missing" is an absolute statement.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
@@ -167,6 +168,13 @@ def innovations(
 
     **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps` as in `observe`.
     """
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
+    step = innovation_step(drive, dt, gains, substeps)
+    return jax.lax.scan(step, state_at(drive, start), (force, x, t))[1]
+
+
+def innovation_step(drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int) -> Callable:
+    """One sample of `innovations`: (state, (force, measured position, time)) -> (state, innovation)."""
     bristles = drive.bristles()
 
     def sample(state, inputs):
@@ -175,5 +183,4 @@ def innovations(
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 
-    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return jax.lax.scan(sample, state_at(drive, start), (force, x, t))[1]
+    return sample
