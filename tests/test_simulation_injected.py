@@ -8,7 +8,7 @@ import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import FORMS
 
-from frictionjax.diagnosis.present import present_model
+from frictionjax.diagnosis.present import BESIDE, present_model
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import extend, make_joint
 from frictionjax.estimation.scales import plant_scales
@@ -70,3 +70,20 @@ def test_without_an_effect_the_signals_change_nothing(present):
     joint, vector = extend(present.joint, present.vector, FORMS["ConstantLoad"](), scales)
     np.testing.assert_allclose(change(present.injected([joint], [vector]), present), 0.0, atol=1e-9)
     assert jnp.all(jnp.isfinite(present.e))
+
+
+def test_effects_that_go_together_do_what_each_does_alone(present):
+    """Blocks of one to three vectors, in pairs and a last one alone; one has more vectors than there are lanes."""
+    present, scales = present
+    place, blocks = len(present.joint.layout), []
+    for form, count in (("ConstantLoad", 2), ("Delay", 1), ("Creep", BESIDE + 1), ("DirectionAsymmetry", 3)):
+        joint, vector = extend(present.joint, present.vector, FORMS[form](), scales)
+        steps = 0.1 * (1.0 + np.arange(count)) * FORMS[form].strengths[0].probes[0]
+        blocks.append(([joint] * count, [vector.at[place].add(step) for step in steps]))
+    together = list(present.lanes(blocks))
+    assert [len(errors) for errors in together] == [BESIDE, BESIDE, BESIDE + 1, BESIDE]
+    for errors, (joints, vectors) in zip(together, blocks, strict=True):
+        for number, (joint, vector) in enumerate(zip(joints, vectors, strict=True)):
+            alone = present.injected([joint], [vector])[0]
+            assert float(jnp.max(jnp.abs(alone - present.e))) > 1e-3
+            np.testing.assert_allclose(errors[number], alone, rtol=1e-9, atol=1e-9)
