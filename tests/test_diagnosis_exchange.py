@@ -53,6 +53,7 @@ def test_what_is_taken_for_an_effect():
         assert all(name in taken_for(other) for other in taken_for(name))
 
 
+@pytest.mark.slow
 def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
     """Beside the lag the load predicts better; the moves are long enough to tell."""
     found, asked = _exchanged(two, ["pendulum", "lag"], ["load"])

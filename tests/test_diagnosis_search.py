@@ -151,7 +151,8 @@ def test_runs_with_a_gap_part_by_more_than_the_force_that_sets_them_apart(behind
     assert np.median(behind[seen] / plain[seen]) > 3.0
 
 
-@pytest.mark.parametrize("tested", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("tested", [True, False])
 def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
     """Whether its test is on the short list, or the inertia in stick alone tells of it."""
     rigid, start, *_ = behind_a_gap

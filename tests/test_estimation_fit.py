@@ -131,6 +131,7 @@ def test_own_starts_do_not_spoil_a_fair_one(fitted, recordings):
     _recovered(found)
 
 
+@pytest.mark.slow
 def test_random_starts_find_the_truth(fitted, recordings):
     found = fit_near(recordings, other_start({"J": 2.0, "sigma0": 0.3, "sigma1": 0.4, "vs": 3.0}), starts=4)
     _recovered(found)
@@ -282,6 +283,7 @@ def test_a_machine_that_starts_at_once_does_not_pass_for_noise(recordings):
     assert found.noise["stick"].position == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_a_bound_below_zero_is_named():
     drive = PLANT.with_effects(effect("ConstantLoad", load=-0.05))

@@ -40,6 +40,7 @@ class TestRefusals:
             fit_near(still)
 
     @pytest.mark.slow
+    @pytest.mark.slow
     def test_one_that_does_not_move_is_told(self, recordings):
         steps = 1e-6 * np.random.default_rng(0).integers(-1, 2, SAMPLES)
         found = fit_near([Recording("still", RATE, np.zeros(SAMPLES), steps), *recordings[1:]])

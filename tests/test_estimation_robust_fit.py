@@ -320,6 +320,7 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     assert not led_away
 
 
+@pytest.mark.slow
 def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
     scales = plant_scales(PLANT, fitted.joint.batch)
     for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
