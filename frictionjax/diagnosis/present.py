@@ -69,17 +69,17 @@ class Present(eqx.Module):
             if self.motion is None:
                 yield errors_with_effect(joints, filled)
                 continue
-            ready.append(self._signals(joints, filled))
+            ready.append(self._ready(joints, filled))
             if len(ready) == _TOGETHER:
                 # Blocks are alike but for those of effects with many strengths.
                 alike = len({str(jax.tree.map(jnp.shape, block)) for block in ready}) == 1
                 run = _TOGETHER if alike else 1
-                yield from self._innovations(ready[:run])
+                yield from self._run(ready[:run])
                 ready = ready[run:]
         for block in ready:
-            yield from self._innovations([block])
+            yield from self._run([block])
 
-    def _signals(self, joints: list[Joint], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
+    def _ready(self, joints: list[Joint], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
         """The `vectors` without what is the effect's, and the signals of the effect at each of them."""
         assert self.motion is not None
         old, more = len(self.joint.layout), len(joints[0].layout)
@@ -91,7 +91,7 @@ class Present(eqx.Module):
         stack = np.stack([np.asarray(vector) for vector in vectors])
         return jnp.asarray(np.concatenate([stack[:, :old], stack[:, more:]], axis=1)), signals
 
-    def _innovations(self, blocks: list) -> list[Float[Array, "lanes r n"]]:
+    def _run(self, blocks: list) -> list[Float[Array, "lanes r n"]]:
         """Those of each of the `blocks`. One program serves all: it runs `_TOGETHER` of them, the last again where
         there are fewer."""
         assert self.motion is not None
