@@ -7,7 +7,8 @@ from frictionjax.estimation.least_squares import (
     AbstractObjective,
     Quadratic,
     Setting,
-    error_jacobian,
+    all_columns,
+    compact_jacobian,
     quadratic_of,
 )
 from frictionjax.estimation.loss import AbstractLoss
@@ -23,7 +24,8 @@ class Innovations(AbstractObjective):
 
     def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
         setting, batch = self.setting, self.setting.batch
-        e, columns = error_jacobian(self.layout, vector, setting)
+        e, compact = compact_jacobian(self.layout, vector, setting)
+        columns = all_columns(compact)
         blocks = quadratic_of(
             e.reshape(-1, batch.block),
             columns.reshape(columns.shape[0], -1, batch.block),

@@ -181,8 +181,9 @@ def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
     # Untold by stick, it is searched only if the fit itself ended at another inertia than it began with.
     alone = load_ratio(rigid, fitted.vector, None) is not None
     assert any(r.effect == "backlash" for r in without) == alone
-    # Another rounding ends elsewhere: six ways to compute the same came to between 0.48 and 0.60 of it.
-    assert found.model.fitted.misfit < 0.75 * fitted.misfit
+    # Of all blocks chaos leaves more than half, with or without a search. In those that the fit sees the gap tells.
+    kept, end = found.model.joint, found.model.fitted
+    assert end.look.cost < 0.4 * kept.look(_at(kept, end.vector, {"ratio": 1e-6})).cost
     assert np.any(np.asarray(found.model.joint.setting.weight) < np.asarray(rigid.batch.valid))
     side = found.model.judgement.drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)

@@ -103,7 +103,10 @@ def test_standard_errors_carry_units(parameters):
 def test_the_covariance_is_one(fitted, parameters):
     look = fitted.fitted.look
     hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
-    own, prior = fitted.joint.curvatures(fitted.fitted.vector), np.asarray(fitted.joint.setting.prior)
+    own, prior = (
+        fitted.joint.curvatures(fitted.joint.seen(fitted.fitted.vector)),
+        np.asarray(fitted.joint.setting.prior),
+    )
     np.testing.assert_allclose(own.sum(axis=0) + np.diag(prior**2), hessian, atol=1e-9 * hessian.max())
     covariance = cautious_covariance(hessian, clusters, own, prior, fitted.joint.batch.x.shape[0])
     assert covariance.shape == (11, 11)
@@ -308,14 +311,14 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
     joint, vector = fitted.joint, fitted.fitted.vector
     away = vector.at[1].add(0.5)
-    kept, led_away = at_finer_steps(joint, away, joint.look(away))
+    kept, led_away = at_finer_steps(joint, away, joint.look(away), joint.seen(away))
     np.testing.assert_array_equal(kept, away)
     assert led_away
     far = told_parameters(Model(joint, Fitted(away, joint.look(away), 0.0, True), fitted.judgement), UNITS)
     assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert told_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
-    kept, led_away = at_finer_steps(joint, vector, lost)
+    kept, led_away = at_finer_steps(joint, vector, lost, joint.seen(vector))
     np.testing.assert_array_equal(kept, vector)
     assert not led_away
 

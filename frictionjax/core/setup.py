@@ -98,7 +98,7 @@ def keep_compiled(folder: Path | None = None) -> None:
 
 
 # Numbers of glibc's `mallopt`, and what is set: nothing is given back, and all but the largest arrays come from heaps.
-# One heap for all threads would hold less, but they wait for each other in it: compilation took a third longer.
+# One heap for all threads would hold less, but they wait for each other in it while they compile.
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**31 - 1), "M_MMAP_THRESHOLD": (-3, 2**30)}
 
 

@@ -102,14 +102,16 @@ def told_parameters(
     integration: what it lacks bends its parameters by far more."""
     chaotic = is_chaotic(model)
     joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force)
-    vector, away = (fitted.vector, False) if lacking else at_finer_steps(joint, fitted.vector, fitted.look)
+    vector, away, seen = fitted.vector, False, joint.seen(fitted.vector)
+    if not lacking:
+        vector, away = at_finer_steps(joint, fitted.vector, fitted.look, seen)
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
     hessian, clusters = np.asarray(fitted.look.hessian), np.asarray(fitted.look.clusters)
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
         covariance = cautious_covariance(
             hessian,
             clusters,
-            joint.curvatures(fitted.vector),
+            joint.curvatures(seen),
             np.asarray(joint.setting.prior),
             joint.batch.x.shape[0],
         )

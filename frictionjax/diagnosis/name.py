@@ -16,9 +16,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
-from frictionjax.diagnosis.present import BESIDE, Present, lane_powers
+from frictionjax.diagnosis.present import BESIDE, Present
 from frictionjax.estimation.joint import Joint, extend, misfit_of
 from frictionjax.estimation.look import sum_clusters
+from frictionjax.estimation.residuals import lane_powers
 from frictionjax.estimation.uncertainty import merged
 from frictionjax.physics.effects import AbstractEffect
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.imposed import errors_with_effect
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import Joint, misfit_of
+from frictionjax.estimation.least_squares import drives_at
 from frictionjax.estimation.look import sum_clusters, told_columns
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised
@@ -22,7 +23,7 @@ from frictionjax.simulation.observer import corrected_states
 
 BESIDE = 4
 """Vectors of one effect that are tested side by side; most forms have no more."""
-_TOGETHER = 2  # so many effects go together: beyond 64 rows the loops take longer for each
+_TOGETHER = 2  # so many effects go together: with more the rows leave the first cache
 _FINER = 4  # times as many integration steps: a sixteenth of the error of the scheme is left
 
 
@@ -152,18 +153,13 @@ def _signals(effects, model, motion, dt, before):
 def _injected_lanes(layout, vectors, setting, push, signals):
     batch, gains, count = setting.batch, setting.gains, len(layout)
     stack = jnp.concatenate(vectors)
-    drives = jax.vmap(lambda own: unpack(layout, setting.drive, own, setting.start[:count]))(stack[:, :count])
+    drives = drives_at(layout, stack, setting)
     z0 = stack[:, count:] * (drives.friction.Fs / drives.friction.sigma0)[:, None]
     start = (batch.x0, batch.v0, z0, batch.before)
     every = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *signals)
     raw = injected_innovations(drives, every, push, batch.x, batch.dt, gains, start, substeps=batch.substeps)
     e = raw / (batch.noise * innovation_gain(gains))[None, :, None] * batch.valid[None]
     return jnp.split(e, np.cumsum([len(own) for own in vectors])[:-1])
-
-
-@eqx.filter_jit
-def lane_powers(e, batch):
-    return jax.vmap(lambda lane: block_power(lane, batch))(e)
 
 
 @eqx.filter_jit

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from frictionjax.estimation.batch import Batch
 from frictionjax.estimation.joint import Joint
 from frictionjax.estimation.least_squares import Setting
-from frictionjax.estimation.look import Look, told_columns
+from frictionjax.estimation.look import Look, Seen, told_columns
 from frictionjax.estimation.parameters import unpack
 from frictionjax.estimation.residuals import block_power, standardised
 
@@ -36,14 +36,16 @@ def _slope(layout, vector, columns, setting: Setting, fitted) -> Float[Array, " 
     return seen @ (weight * e).ravel() + (vector - setting.start) * setting.prior**2
 
 
-def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> tuple[Float[Array, " q"], bool]:
+def at_finer_steps(
+    joint: Joint, vector: Float[Array, " q"], look: Look, seen: Seen
+) -> tuple[Float[Array, " q"], bool]:
     """The minimum of the robust cost with eight times the integration steps, by Newton steps with the matrix of few.
 
     **Arguments:**
 
     - `joint`: the model and the recordings.
     - `vector`: where the descent with few steps came to rest, shape `(q,)`.
-    - `look`: there.
+    - `look`, `seen`: there.
 
     **Returns:**
 
@@ -54,7 +56,7 @@ def at_finer_steps(joint: Joint, vector: Float[Array, " q"], look: Look) -> tupl
     if not isinstance(joint.batch, Batch) or not np.all(np.isfinite(hessian)):
         return vector, False
     count = len(joint.layout)
-    columns = told_columns(joint.seen(vector), joint.batch.block)
+    columns = told_columns(seen, joint.batch.block)
     inverse = np.linalg.pinv(hessian, hermitian=True)
     # What the recordings do not show stays: the prior alone would draw it to where the fit began.
     shown = np.diag(hessian) > 2.0 * np.asarray(joint.setting.prior) ** 2

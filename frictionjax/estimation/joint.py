@@ -7,18 +7,17 @@ call, and no parameter sees them.
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.batch import AbstractBatch, Batch, rows_of
 from frictionjax.estimation.imposed_batch import ImposedBatch
-from frictionjax.estimation.least_squares import Setting
+from frictionjax.estimation.least_squares import Setting, drives_at
 from frictionjax.estimation.look import Look, Seen, cluster_curvatures, look_of, seen_at
 from frictionjax.estimation.no_model import innovations_without_model
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, pack, unpack, weak_prior
-from frictionjax.estimation.residuals import block_power, standardised_lanes
+from frictionjax.estimation.residuals import lane_powers, standardised_lanes
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import Gains, observer_gains
@@ -34,16 +33,8 @@ LANES = 6
 
 @eqx.filter_jit
 def _lanes(layout, vectors, setting: Setting):
-    count = len(layout)
-    drives = jax.vmap(lambda own: unpack(layout, setting.drive, own, setting.start[:count]))(
-        vectors[:, :count]
-    )
+    drives, count = drives_at(layout, vectors, setting), len(layout)
     return standardised_lanes(drives, vectors[:, count:], setting.batch, setting.gains)
-
-
-@eqx.filter_jit
-def _powers(e, batch):
-    return jax.vmap(lambda lane: block_power(lane, batch))(e)
 
 
 def _most(batch: AbstractBatch, gains: Gains) -> Float[Array, " r"]:
@@ -91,10 +82,10 @@ class Joint(eqx.Module):
         """Standardised innovations at `vector`, shape `(q,)`, and their derivatives."""
         return seen_at(self.layout, vector, self.setting, self.most)
 
-    def curvatures(self, vector: Float[Array, " q"]) -> Float[np.ndarray, "c q q"]:
-        """The part that each cluster of 0.5 s has in the Hessian of `look` at `vector`; without the prior, which is
-        nobody's, they add up to it."""
-        own = cluster_curvatures(self.seen(vector), self.setting.weight, self.fitted, self.batch.block)
+    def curvatures(self, seen: Seen) -> Float[np.ndarray, "c q q"]:
+        """The part that each cluster of 0.5 s has in the Hessian of `look_of` what is `seen`; without the prior, which
+        is nobody's, they add up to it."""
+        own = cluster_curvatures(seen, self.setting.weight, self.fitted, self.batch.block)
         own = np.asarray(own)
         count, (recordings, each) = len(self.layout), own.shape[:2]
         whole = np.zeros((recordings, each, count + recordings, count + recordings))
@@ -127,7 +118,7 @@ class Joint(eqx.Module):
 
     def powers(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, "k r b"]:
         """Block powers of the standardised innovations of each of `vectors`, shape `(k, r, b)`."""
-        return np.asarray(_powers(self.errors(vectors), self.batch))
+        return np.asarray(lane_powers(self.errors(vectors), self.batch))
 
     def misfits(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, " k"]:
         """Robust misfit per sample of the fitted recordings for each of `vectors`: 0 when every block is at the noise;

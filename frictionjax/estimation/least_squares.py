@@ -46,12 +46,10 @@ def predicted_errors(
     return standardised(drive, vector[count:], setting.batch, setting.gains)
 
 
-def error_jacobian(
-    layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting
-) -> tuple[Float[Array, "r n"], Float[Array, "q r n"]]:
-    """Standardised innovations and their forward-mode Jacobian, shape `(q, r, n)`."""
-    e, columns = compact_jacobian(layout, vector, setting)
-    return e, all_columns(columns)
+def drives_at(layout: tuple[Free, ...], vectors: Float[Array, "k q"], setting: Setting) -> Drive:
+    """The `Drive` of each of the free `vectors`: leaves of shape `(k, ...)`; inside compiled functions."""
+    count = len(layout)
+    return jax.vmap(lambda own: unpack(layout, setting.drive, own, setting.start[:count]))(vectors[:, :count])
 
 
 def compact_jacobian(

@@ -52,7 +52,7 @@ class Look(eqx.Module):
     clusters: Float[Array, "c q"]
 
 
-# XLA's next level compiles for a third longer, and what it makes of this loop is a tenth slower.
+# XLA's next levels compile for longer, and what they make of this loop is no faster.
 @eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
 def seen_at(
     layout: tuple[Free, ...], vector: Float[Array, " q"], setting: Setting, most: Float[Array, " r"]

@@ -1,5 +1,6 @@
 """Standardised prediction errors of a whole batch: innovations, or errors of the force under an imposed motion."""
 
+import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
@@ -67,3 +68,9 @@ def _innovations(drive: Drive, deflection, batch, gains: Gains, finer: int):
 def block_power(e: Float[Array, "r n"], batch: AbstractBatch) -> Float[Array, "r b"]:
     """Mean square of the standardised errors in each block, shape `(r, b)`."""
     return batch.block_mean(e * e)
+
+
+@eqx.filter_jit
+def lane_powers(e: Float[Array, "k r n"], batch: AbstractBatch) -> Float[Array, "k r b"]:
+    """The `block_power` of several lanes of errors."""
+    return jax.vmap(lambda lane: block_power(lane, batch))(e)
