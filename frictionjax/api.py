@@ -1,4 +1,4 @@
-"""The public names, and the one place where packages that may not know each other are put together."""
+"""The public names."""
 
 from frictionjax import excitation as excitation
 from frictionjax.core import Estimate as Estimate
@@ -8,7 +8,6 @@ from frictionjax.core import PrecisionError as PrecisionError
 from frictionjax.core import configure_jax as configure_jax
 from frictionjax.diagnosis import Diagnosis as Diagnosis
 from frictionjax.diagnosis import diagnose as diagnose
-from frictionjax.diagnosis.output import register_writer
 from frictionjax.estimation import Bootstrap as Bootstrap
 from frictionjax.estimation import Cauchy as Cauchy
 from frictionjax.estimation import FitResult as FitResult
@@ -55,7 +54,7 @@ from frictionjax.recordings import audit as audit
 from frictionjax.recordings import case_from_files as case_from_files
 from frictionjax.recordings import keep_last_third_aside as keep_last_third_aside
 from frictionjax.recordings import load_case as load_case
-from frictionjax.report import write_report
+from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
@@ -126,10 +125,9 @@ __all__ = [
     "rank_for_discrimination",
     "resonances",
     "run_study",
+    "save_diagnosis",
     "save_fit",
     "simulate",
     "simulate_batch",
     "simulate_imposed",
 ]
-
-register_writer(write_report)

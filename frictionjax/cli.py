@@ -155,7 +155,7 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
 
 
 def _diagnose(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
-    from frictionjax.diagnosis.output import check_writable
+    from frictionjax.report.save import check_writable
 
     check_writable(arguments.out)
     _finish(_case(arguments), arguments.out, terminal, start=0.0)
@@ -183,9 +183,9 @@ def _case(arguments: argparse.Namespace) -> "Case":
 
 def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
     from frictionjax.demo import write_demo_case
-    from frictionjax.diagnosis.output import check_writable
     from frictionjax.recordings import load_case
     from frictionjax.report import truth_lines
+    from frictionjax.report.save import check_writable
 
     check_writable(arguments.out)
     seed = {} if arguments.seed is None else {"seed": arguments.seed}
@@ -198,8 +198,8 @@ def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
 
 
 def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
-    from frictionjax.diagnosis.output import check_writable
     from frictionjax.report.paper import paper_lines, write_paper
+    from frictionjax.report.save import check_writable
     from frictionjax.studies.paper import explain, motor_bench, reproduce
 
     check_writable(arguments.out)

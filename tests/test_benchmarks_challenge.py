@@ -165,7 +165,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["weigh.SIGNIFICANCE"] == [1e-3]
+    assert began["thresholds"]["diagnosis.weigh.SIGNIFICANCE"] == [1e-3]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
@@ -183,11 +183,27 @@ def test_an_executor_solves_several_at_once(tmp_path):
     assert [text.split(",")[0] for text in said[:3]] == ["1 of 3", "2 of 3", "3 of 3"]
 
 
+def test_the_seal_holds_every_number(tmp_path, monkeypatch):
+    """Arrays, nested tuples, the packages below, and, by a hash, what has no name at all."""
+    sealed = solver.thresholds()
+    assert {name.split(".")[0] for name in sealed} == {"diagnosis", "estimation"}
+    assert len(sealed["diagnosis.search._GAPS"]) == 30
+    assert sealed["diagnosis.search._TURNS"] == [10.0, 0.5, 10.0, 0.25, 1.0, 0.1]
+    package = tmp_path / "machine"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "law.py").write_text("def f(x):\n    return 0.5 * x\n")
+    root = SimpleNamespace(__path__=[str(package)])
+    before = solver.source(root)
+    (package / "law.py").write_text("def f(x):\n    return 0.4 * x\n")
+    assert solver.source(root) != before
+
+
 def test_one_batch_has_one_solver(tmp_path, monkeypatch):
     batch = plain_batch(tmp_path / "batch", cases=1)
     solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)
     own = solver.who_solves()
-    other = own | {"thresholds": own["thresholds"] | {"select.LEAST_SHARE": [0.1]}}
+    other = own | {"thresholds": own["thresholds"] | {"diagnosis.weigh.LEAST_SHARE": [0.1]}}
     monkeypatch.setattr(solver, "who_solves", lambda: other)
     with pytest.raises(ValueError, match="thresholds differ"):
         solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)

@@ -22,7 +22,7 @@ from frictionjax.diagnosis.judge import (
 from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, losses_of, make_joint
 from frictionjax.estimation.parameters import pack
-from frictionjax.estimation.robust_fit import Fitted
+from frictionjax.estimation.robust_fit import Ending, Fitted
 from frictionjax.recordings import Recording
 
 NOISE = np.ones((1, 1))
@@ -185,7 +185,7 @@ def small():
 def _judge(joint, drive):
     """`drive` before the recordings of `joint`, nothing fitted."""
     vector = jnp.concatenate([pack(joint.layout, drive), jnp.zeros(joint.fitted.size)])
-    return judge(joint, Fitted(vector, joint.look(vector), 0.0, True))
+    return judge(joint, Fitted(vector, joint.look(vector), 0.0, Ending.AT_REST))
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ from frictionjax.estimation.batch import make_batch
 from frictionjax.estimation.finer import at_finer_steps
 from frictionjax.estimation.joint import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
-from frictionjax.estimation.robust_fit import Fitted, _step, descend
+from frictionjax.estimation.robust_fit import Ending, Fitted, _step, descend
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import cautious_covariance, estimates
 from frictionjax.physics import Drive
@@ -194,15 +194,17 @@ def quiet():
     return make_joint(PLANT, make_batch((recording,), encoder_step=FINE), np.zeros(1, bool))
 
 
-def _ended(joint, vector, converged=True):
-    fitted = Fitted(vector, joint.look(vector), float(joint.misfits([vector])[0]), converged)
+def _ended(joint, vector, ending=Ending.AT_REST):
+    fitted = Fitted(vector, joint.look(vector), float(joint.misfits([vector])[0]), ending)
     return Model(joint, fitted, judge(joint, fitted))
 
 
 def test_messages_are_sentences(quiet):
     joint, vector = quiet
     assert message_of(_ended(joint, vector)) == ""
-    assert message_of(_ended(joint, vector, False)) == "The fit stopped while still improving slightly."
+    assert (
+        message_of(_ended(joint, vector, Ending.STEPS)) == "The fit stopped while still improving slightly."
+    )
     end = _ended(joint, vector.at[0].set(joint.setting.start[0] + 2.0))
     assert message_of(end) == "At the end of its range: J."
     assert not parameters_of(end, UNITS)["J"].identified
@@ -314,7 +316,9 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     kept, led_away = at_finer_steps(joint, away, joint.look(away), joint.seen(away))
     np.testing.assert_array_equal(kept, away)
     assert led_away
-    far = told_parameters(Model(joint, Fitted(away, joint.look(away), 0.0, True), fitted.judgement), UNITS)
+    far = told_parameters(
+        Model(joint, Fitted(away, joint.look(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
+    )
     assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert told_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
@@ -328,7 +332,7 @@ def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
     scales = plant_scales(PLANT, fitted.joint.batch)
     for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
         joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
-        with_effect = Fitted(vector, joint.look(vector), 0.0, True)
+        with_effect = Fitted(vector, joint.look(vector), 0.0, Ending.AT_REST)
         model = Model(joint, with_effect, judge(joint, with_effect))
         told = told_parameters(model, UNITS)[1]
         assert told.startswith(said)

@@ -2,8 +2,11 @@
 
 import base64
 import io
+import subprocess
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import jax
 import matplotlib
@@ -12,11 +15,8 @@ import pytest
 from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis, fake_recording
 from PIL import Image
 
-from frictionjax.diagnosis import output
-from frictionjax.diagnosis.output import register_writer
 from frictionjax.diagnosis.verdict import MismatchBin, Unexplained
 from frictionjax.recordings import Plant
-from frictionjax.report import write_report
 from frictionjax.report.canvas import drawing
 from frictionjax.report.figures import comparison, residual
 from frictionjax.report.page import render
@@ -202,10 +202,13 @@ def test_the_users_matplotlib_settings_do_not_reach_the_figures():
         Page(render(adequate_diagnosis()))
 
 
-def test_saving_a_diagnosis_writes_the_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(output, "_writers", [])
-    register_writer(write_report)
-    adequate_diagnosis().save(tmp_path)
+def test_saving_a_diagnosis_writes_the_report_whatever_was_imported(tmp_path):
+    """In a process of its own: `Diagnosis.save` needs nobody to have imported the report."""
+    code = (
+        "import sys; from helpers_diagnosis import adequate_diagnosis; "
+        "assert 'frictionjax.report' not in sys.modules; adequate_diagnosis().save(sys.argv[1])"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, cwd=Path(__file__).parent)
     Page((tmp_path / "report.html").read_text(encoding="utf-8"))
 
 

@@ -1,4 +1,4 @@
-"""What `Diagnosis.save` leaves behind: the contract's files, whole or not at all."""
+"""What `save_diagnosis` leaves behind: the contract's files, whole or not at all."""
 
 import json
 
@@ -8,16 +8,19 @@ import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
 from frictionjax.core import InputError
-from frictionjax.diagnosis import output
-from frictionjax.diagnosis.output import check_writable, register_writer, save_diagnosis
+from frictionjax.report import check_writable, save, save_diagnosis
 
 HEADER = "t,u,x,free_base,free_extended,predicted_base,predicted_extended,residual_force,residual_force_std"
 
 
 @pytest.fixture(autouse=True)
-def _own_writers(monkeypatch):
-    """Writers registered by a test, or by another test file's imports, stay out of the others."""
-    monkeypatch.setattr(output, "_writers", [])
+def _no_pictures(monkeypatch):
+    """The report has tests of its own, and takes a second to draw."""
+
+    def write(diagnosis, directory):
+        (directory / "report.html").write_text(f"<title>{diagnosis.case}</title>")
+
+    monkeypatch.setattr(save, "write_report", write)
 
 
 def strict(text: str):
@@ -105,7 +108,10 @@ def test_an_earlier_result_is_replaced_and_other_files_are_left_alone(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "fit" / "mine.csv").write_text("a,b\n1,2\n")
     adequate_diagnosis().save(tmp_path)
-    assert set(listing(tmp_path)) == {"notes.txt", "verdict.json", "fit", "fit/mine.csv", "fit/only.csv"}
+    assert set(listing(tmp_path)) == {
+        *("notes.txt", "verdict.json", "report.html"),
+        *("fit", "fit/mine.csv", "fit/only.csv"),
+    }
     assert strict((tmp_path / "verdict.json").read_text())["case"] == "bench"
 
 
@@ -118,19 +124,15 @@ def test_a_recording_of_the_user_is_never_overwritten(tmp_path):
     assert listing(tmp_path) == before
 
 
-def test_writers_add_files_and_are_registered_once(tmp_path):
-    def writer(diagnosis, directory):
-        with (directory / "extra.txt").open("a") as stream:
-            stream.write(diagnosis.case)
-
-    register_writer(writer)
-    register_writer(writer)
-    fake_diagnosis().save(tmp_path / "deep" / "out")
-    assert (tmp_path / "deep" / "out" / "extra.txt").read_text() == "arm-2024-03"
+def test_the_report_stands_beside_the_numbers_unless_it_is_not_wanted(tmp_path):
+    save_diagnosis(fake_diagnosis(), tmp_path / "deep" / "out")
+    assert (tmp_path / "deep" / "out" / "report.html").read_text() == "<title>arm-2024-03</title>"
+    save_diagnosis(fake_diagnosis(), tmp_path / "numbers", report=False)
+    assert {path.name for path in (tmp_path / "numbers").iterdir()} == {"verdict.json", "fit"}
 
 
 @pytest.mark.parametrize("existing", [False, True])
-def test_a_failing_writer_leaves_nothing_half_written(tmp_path, existing):
+def test_a_failing_report_leaves_nothing_half_written(tmp_path, existing, monkeypatch):
     out = tmp_path / "deep" / "out"
     if existing:
         adequate_diagnosis().save(out)
@@ -140,7 +142,7 @@ def test_a_failing_writer_leaves_nothing_half_written(tmp_path, existing):
         (directory / "report.html").write_text("half")
         raise RuntimeError("no ink")
 
-    register_writer(writer)
+    monkeypatch.setattr(save, "write_report", writer)
     with pytest.raises(RuntimeError, match="no ink"):
         fake_diagnosis().save(out)
     assert listing(tmp_path) == before

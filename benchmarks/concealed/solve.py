@@ -21,7 +21,7 @@ from benchmarks.concealed.seal import SEAL
 from benchmarks.concealed.solver import written_down
 from benchmarks.concealed.trace import trace_of
 from frictionjax.core import FrictionjaxWarning, InputError, keep_compiled
-from frictionjax.diagnosis.output import verdict_json
+from frictionjax.report.save import verdict_json
 
 SOLVED, VERDICT, RIVALS = "solved", "verdict.json", "rivals.json"
 COMPILED = "compiled"

@@ -145,5 +145,5 @@ def message_of(model: Model) -> str:
     range; empty when there is nothing."""
     joint, count = model.joint, len(model.joint.layout)
     ends = at_a_bound(joint.layout, model.fitted.vector[:count], joint.setting.start[:count])
-    said = [] if model.fitted.converged else ["The fit stopped while still improving slightly."]
+    said = [model.fitted.ending.value] if model.fitted.ending.value else []
     return " ".join(said + ([f"At the end of its range: {', '.join(ends)}."] if ends else []))

@@ -11,7 +11,8 @@ from frictionjax.estimation.robust_fit import Fitted
 from frictionjax.physics import Drive
 
 ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample, above the floor, below which nothing significant is missing (2 % of the power)."""
+"""Robust misfit per sample, above the floor, below which nothing significant is missing: errors of 4 % more power than
+the floor, since a misfit of m is a power of 2 exp(2 m) - 1 times the floor."""
 _SURE = 3.0  # standard errors
 
 

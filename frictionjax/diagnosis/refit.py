@@ -16,7 +16,7 @@ from frictionjax.diagnosis.step_length import steps_needed, with_steps
 from frictionjax.estimation.imposed_batch import ImposedBatch
 from frictionjax.estimation.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
 from frictionjax.estimation.parameters import changed
-from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.robust_fit import Ending, Fitted, descend
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractLoadEffect
 
 _LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
@@ -248,7 +248,7 @@ def refit_all(
 
     def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
         joint, found = begun
-        if graduate or found.converged:
+        if graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
             return begun
         return joint, descend(joint, found.vector, graduate=False, steps=12 - _FIRST, tolerance=0.03)
 

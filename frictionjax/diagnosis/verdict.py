@@ -1,5 +1,6 @@
 """The result of `diagnose`: nouns that mirror verdict.json, schema frictionjax.verdict/1."""
 
+import importlib
 from pathlib import Path
 from typing import Literal
 
@@ -10,8 +11,6 @@ from jaxtyping import Float
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.next_experiment import NextExperiment
-from frictionjax.diagnosis.output import SCHEMA as SCHEMA
-from frictionjax.diagnosis.output import save_diagnosis
 from frictionjax.recordings import Plant
 
 Verdict = Literal["adequate", "named", "unknown"]
@@ -191,9 +190,6 @@ class Diagnosis(eqx.Module):
         return explain_effect(self, effect)
 
     def save(self, directory: str | Path) -> Path:
-        """Write verdict.json, fit/*.csv and report.html into `directory`; returns it.
-
-        Everything is written beside it first and moved into place at the end: an error leaves nothing half-written.
-        Raises `InputError` when the directory cannot be written.
-        """
-        return save_diagnosis(self, Path(directory))
+        """Write verdict.json, fit/*.csv and report.html into `directory`; returns it: `frictionjax.save_diagnosis`."""
+        # Writing belongs to the report, which no noun imports: the method asks the front door when it is called.
+        return importlib.import_module("frictionjax").save_diagnosis(self, directory)

@@ -17,7 +17,8 @@ LEAST_ENERGY = 0.8
 """Where nothing reaches the noise floor: share of the excess power, on fit and on held-out recordings. Where
 something else is missing, half of it is easily explained."""
 FAR_FROM_NOISE = 0.8
-"""Misfit above which the likelihood's logarithm hides a share of the power: more than five times the noise."""
+"""Misfit above which the likelihood's logarithm hides a share of the power: errors of 8.9 times the power of the floor,
+three times its rms."""
 SIGNIFICANCE = 1e-3
 # Short recordings have few clusters, and the score test little power in them. Standard errors by which a refit must
 # lead on the recordings that it never saw, and on these and the fitted ones in sum, to count as significant all the

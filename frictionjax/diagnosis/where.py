@@ -5,7 +5,8 @@ import math
 from frictionjax.diagnosis.quantities import times
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
-_SIGNIFICANT = 0.05
+SIGNIFICANT = 0.05
+"""p-value, over all bins or parts compared, below which a place is reported."""
 _LEAST_EXCESS = 1.2  # power over the floor: below it nothing is worth telling, however sure
 _SHARP = 0.6  # share of one bin of another axis from which it is told
 # How long a rest was is told as a condition on these, or on the regime.
@@ -16,7 +17,7 @@ _EVERYWHERE = 3.0  # ratio of the excesses of the regimes up to which none of th
 def stands_out(one: MismatchBin) -> bool:
     """Whether a bin is worth telling: significant after correction for the whole map (as far as known), and of a size
     that matters."""
-    return one.excess > _LEAST_EXCESS and not one.p_value >= _SIGNIFICANT
+    return one.excess > _LEAST_EXCESS and not one.p_value >= SIGNIFICANT
 
 
 def strongest(bins: tuple[MismatchBin, ...], axis: str) -> MismatchBin | None:

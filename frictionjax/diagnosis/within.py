@@ -16,9 +16,8 @@ from frictionjax.diagnosis.axes import Axis
 from frictionjax.diagnosis.judge import Scene
 from frictionjax.diagnosis.tally import LEAST_SAMPLES, clusters_of
 from frictionjax.diagnosis.verdict import MismatchBin, Within
-from frictionjax.diagnosis.where import divergence
+from frictionjax.diagnosis.where import SIGNIFICANT, divergence
 
-SIGNIFICANT = 0.05
 _ASKED = ("dwell", "direction", "since_reversal", "position", "input", "time")
 _MOST_TOLD = 2
 _LEAST_SHARE = 0.75

@@ -5,6 +5,7 @@ the start, a regime that the model misses would be ignored. Starting deflections
 their own.
 """
 
+from enum import Enum
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -20,14 +21,28 @@ _DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
 _LONGEST = 1.5  # in a coordinate; a strength, whose unit is only where it begins to show, may at least double
 
 
+class Ending(Enum):
+    """Why a descent ended; the value is what is to be said of it."""
+
+    AT_REST = ""
+    NO_STEP = "The fit stopped where no step lowers the cost although its slope promises more: the cost is rough there."
+    STEPS = "The fit stopped while still improving slightly."
+    NOT_FINITE = "The fit stopped where derivatives overflow."
+
+
 class Fitted(NamedTuple):
-    """Where a descent ended: `vector`, shape `(q,)`, its `look` at the noise, its `misfit` per sample, and whether it
-    `converged`."""
+    """Where a descent ended: `vector`, shape `(q,)`, its `look` at the noise, its `misfit` per sample, and the
+    `ending`."""
 
     vector: Float[Array, " q"]
     look: Look
     misfit: float
-    converged: bool
+    ending: Ending
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last steps gained next to nothing."""
+        return self.ending is Ending.AT_REST
 
 
 def _step(joint: Joint, vector: np.ndarray, look: Look, damping: float) -> np.ndarray:
@@ -67,9 +82,9 @@ def descend(
             knee = _knee(joint, seen, quantile)
             if knee > 1.2:
                 vector, seen, _, _ = _walk(joint, vector, seen, knee, 4, 0.05)
-    vector, _, look, rested = _walk(joint, vector, seen, 1.0, steps, tolerance)
+    vector, _, look, ending = _walk(joint, vector, seen, 1.0, steps, tolerance)
     return Fitted(
-        vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), rested
+        vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), ending
     )
 
 
@@ -96,15 +111,15 @@ def _knee(joint: Joint, seen: Seen, quantile: float) -> float:
 
 def _walk(
     joint: Joint, vector: Float[Array, " q"], seen: Seen, knee: float, steps: int, tolerance: float
-) -> tuple[Float[Array, " q"], Seen, Look, bool]:
-    """At most so many `steps` with the knee at the power `knee`: the vector, what is seen of it, its look, and whether
-    it is at rest."""
+) -> tuple[Float[Array, " q"], Seen, Look, Ending]:
+    """At most so many `steps` with the knee at the power `knee`: the vector, what is seen of it, its look, and why it
+    ended."""
     samples = float(np.sum(np.asarray(joint.batch.block_count) * np.asarray(joint.fitted)[:, None]))
     aside = np.flatnonzero(np.asarray(joint.fitted) == 0.0) + len(joint.layout)
     damping, still, look = _DAMPING, 0, joint.look_of(seen, vector, knee)
     for _ in range(steps):
         if not np.all(np.isfinite(np.asarray(look.hessian))):
-            return vector, seen, look, False
+            return vector, seen, look, Ending.NOT_FINITE
         now = np.asarray(vector)
         tried = now + _step(joint, now, look, damping)
         tried[aside] = np.clip(tried[aside], -1.0, 1.0)
@@ -115,13 +130,24 @@ def _walk(
             gained = (cost - new) / samples
             vector, seen, look = jnp.asarray(tried), there, beyond
             damping = max(damping / 5.0, _LEAST)
-            # The cost is a logarithm: far from the noise, too, a nat is a factor e in the errors.
-            little = max(1e-5, tolerance * min(cost / samples, 1.0))
-            still = still + 1 if gained < little else 0
+            still = still + 1 if gained < _little(cost / samples, tolerance) else 0
             if still >= 2:
-                return vector, seen, look, True
+                return vector, seen, look, Ending.AT_REST
         else:
             damping *= 8.0
             if damping > _MOST:
-                return vector, seen, look, True
-    return vector, seen, look, False
+                rests = _promised(look) / samples < _little(cost / samples, tolerance)
+                return vector, seen, look, Ending.AT_REST if rests else Ending.NO_STEP
+    return vector, seen, look, Ending.STEPS
+
+
+def _little(misfit: float, tolerance: float) -> float:
+    """Gain per sample that is next to nothing. The cost is a logarithm: far from the noise, too, a nat is a factor e in
+    the errors."""
+    return max(1e-5, tolerance * min(misfit, 1.0))
+
+
+def _promised(look: Look) -> float:
+    """What the undamped step would take off the cost, were it the parabola of the `look`: g' H^-1 g / 2."""
+    gradient = np.asarray(look.gradient)
+    return 0.5 * float(gradient @ np.linalg.lstsq(np.asarray(look.hessian), gradient, rcond=1e-12)[0])

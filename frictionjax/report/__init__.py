@@ -1,5 +1,8 @@
 """What a person reads: report.html and the lines of a terminal. matplotlib is imported nowhere else."""
 
 from frictionjax.report.page import write_report as write_report
+from frictionjax.report.save import check_writable as check_writable
+from frictionjax.report.save import save_diagnosis as save_diagnosis
+from frictionjax.report.save import verdict_json as verdict_json
 from frictionjax.report.terminal import summary_lines as summary_lines
 from frictionjax.report.terminal import truth_lines as truth_lines

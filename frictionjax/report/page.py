@@ -33,7 +33,7 @@ _PAGE = """<!doctype html>
 
 
 def write_report(diagnosis: Diagnosis, directory: Path) -> None:
-    """Write `directory`/report.html: the writer that `frictionjax.api` registers with `Diagnosis.save`.
+    """Write `directory`/report.html.
 
     **Arguments:**
 

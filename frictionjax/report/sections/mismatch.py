@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
+from frictionjax.diagnosis.where import SIGNIFICANT
 from frictionjax.report.format import number, p_value, percent, words
 from frictionjax.report.html import gauge, legend, pair, text
 from frictionjax.report.sections.base import AbstractSection
@@ -22,7 +23,6 @@ _INTRO = (
     "four times the power is twice the error."
 )
 _CHANCE = " Bins in grey may be chance: noise alone raises some bin of the map as far in more than one case of twenty."
-_SIGNIFICANT = 0.05
 
 
 class Mismatch(AbstractSection):
@@ -65,7 +65,7 @@ def _highest(cells: Iterable[MismatchBin]) -> float:
 
 
 def _may_be_chance(cell: MismatchBin) -> bool:
-    return cell.p_value >= _SIGNIFICANT
+    return cell.p_value >= SIGNIFICANT
 
 
 def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:

@@ -1,22 +1,21 @@
-"""Saving a diagnosis: verdict.json, fit/*.csv and whatever writers were registered, all of it or nothing."""
+"""Saving a diagnosis: verdict.json, fit/*.csv and report.html, all of it or nothing."""
 
 import json
 import math
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from frictionjax.core import Estimate, InputError
-
-if TYPE_CHECKING:  # verdict.py imports this file: the nouns are needed here only as types
-    from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.report.page import write_report
 
 SCHEMA = "frictionjax.verdict/1"
 COLUMNS = (
@@ -33,23 +32,8 @@ COLUMNS = (
 _HEADER = ",".join(COLUMNS)
 _CURE = "Choose another output directory, or make room for this one."
 
-Writer = Callable[["Diagnosis", Path], None]
-_writers: list[Writer] = []
 
-
-def register_writer(writer: Writer) -> None:
-    """Add a file to what `Diagnosis.save` writes, for packages that `diagnosis` may not import (the report).
-
-    **Arguments:**
-
-    - `writer`: called as `writer(diagnosis, directory)` with a fresh directory to write into. Registering the
-        same function again changes nothing.
-    """
-    if writer not in _writers:
-        _writers.append(writer)
-
-
-def verdict_json(diagnosis: "Diagnosis") -> dict[str, Any]:
+def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """The content of verdict.json, schema `frictionjax.verdict/1`, as plain JSON types.
 
     Numbers that are not finite become None, so that the file is strict JSON.
@@ -162,8 +146,8 @@ def check_writable(directory: str | Path) -> None:
             raise InputError("is a file where a directory is to go", file=directory / "fit", cure=_CURE)
 
 
-def save_diagnosis(diagnosis: "Diagnosis", directory: str | Path) -> Path:
-    """Write verdict.json, fit/*.csv and the registered writers' files into `directory`: all of them, or none.
+def save_diagnosis(diagnosis: Diagnosis, directory: str | Path, *, report: bool = True) -> Path:
+    """Write verdict.json, fit/*.csv and report.html into `directory`: all of them, or none.
 
     Everything is written into a temporary directory first and moved into place by renaming. Results of an
     earlier run in `directory` are replaced; any other file in it is left alone.
@@ -172,6 +156,7 @@ def save_diagnosis(diagnosis: "Diagnosis", directory: str | Path) -> Path:
 
     - `diagnosis`: what `diagnose` found.
     - `directory`: where to write; created with its parents when missing.
+    - `report`: whether report.html, whose figures take a second or two, is written too.
 
     **Returns:**
 
@@ -187,14 +172,14 @@ def save_diagnosis(diagnosis: "Diagnosis", directory: str | Path) -> Path:
                 staging / "new"
             )  # mkdtemp is private to its owner; this one gets the user's own permissions
             fresh.mkdir()
-            _write_all(diagnosis, fresh)
+            _write_all(diagnosis, fresh, report)
             _move_into_place(fresh, target, staging / "old")
         finally:
             shutil.rmtree(staging, ignore_errors=True)
     return Path(directory)
 
 
-def write_fit_csv(recording: "RecordingFit", file: Path) -> None:
+def write_fit_csv(recording: RecordingFit, file: Path) -> None:
     """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits;
     the measured `force` after them where it is the answer.
 
@@ -214,7 +199,7 @@ def write_fit_csv(recording: "RecordingFit", file: Path) -> None:
             stream.write((row * len(chunk)) % tuple(chunk.ravel().tolist()))
 
 
-def _fit_json(recording: "RecordingFit") -> dict[str, Any]:
+def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     return {
         "role": recording.role,
         "noise_floor": recording.noise_floor,
@@ -244,15 +229,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _write_all(diagnosis: "Diagnosis", directory: Path) -> None:
+def _write_all(diagnosis: Diagnosis, directory: Path, report: bool) -> None:
     text = json.dumps(verdict_json(diagnosis), indent=1, ensure_ascii=False, allow_nan=False)
     (directory / "verdict.json").write_text(text + "\n", encoding="utf-8")
     (directory / "fit").mkdir()
     for recording in diagnosis.recordings:
         stem = re.sub(r"[/\\\0]", "_", recording.name)
         write_fit_csv(recording, directory / "fit" / f"{stem}.csv")
-    for writer in _writers:
-        writer(diagnosis, directory)
+    if report:
+        write_report(diagnosis, directory)
 
 
 def _move_into_place(fresh: Path, target: Path, old: Path) -> None:
