@@ -1,6 +1,6 @@
 """Error of the production scheme against its step, and what it does to a fit: `python -m benchmarks accuracy`.
 
-The reference is diffrax's Kvaerno5 at 1e-11 with every input change declared; tests/test_simulation_accuracy.py holds
+The reference is diffrax's Kvaerno5 at 1e-11 with every input change declared; tests/simulation/test_accuracy.py holds
 it, and the scheme, against scipy's Radau on equations written out again.
 """
 

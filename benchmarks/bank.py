@@ -20,12 +20,12 @@ import numpy as np
 import frictionjax as fj
 from benchmarks.concealed.reality import CATALOGUE, OUTSIDE, make_case
 from frictionjax.core import keep_compiled
-from frictionjax.diagnosis import pipeline
-from frictionjax.diagnosis import select as selection
-from frictionjax.diagnosis.confidence import evidence_of
-from frictionjax.diagnosis.rejection import verdict_of
-from frictionjax.diagnosis.review import ENOUGH_SHARE
-from frictionjax.diagnosis.weigh import Step
+from frictionjax.diagnosis import diagnose as pipeline
+from frictionjax.diagnosis.selection import select as selection
+from frictionjax.diagnosis.selection.confidence import evidence_of
+from frictionjax.diagnosis.selection.decide import Step
+from frictionjax.diagnosis.selection.moves import ENOUGH_SHARE
+from frictionjax.diagnosis.selection.verdict_rule import verdict_of
 from frictionjax.recordings import Plant, Recording
 
 COMPILED = "compiled"

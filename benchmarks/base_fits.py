@@ -18,9 +18,9 @@ from benchmarks.bank import case_of
 from benchmarks.concealed.reality import make_case
 from benchmarks.concealed.reality.experiments import FAMILIES
 from frictionjax.core import silent
-from frictionjax.diagnosis.base_fit import base_of, fit_base
-from frictionjax.diagnosis.begin import begin
-from frictionjax.diagnosis.credible import credibility
+from frictionjax.diagnosis.base_model.credibility import credibility
+from frictionjax.diagnosis.base_model.fit_base import base_of, fit_base
+from frictionjax.diagnosis.intake.starting_point import begin
 from frictionjax.physics import Drive, LuGre
 
 ELSEWHERE = 0.02

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks.concealed.reality import CATALOGUE
-from frictionjax.diagnosis.confidence import Evidence
+from frictionjax.diagnosis.selection.confidence import Evidence
 
 _RIDGE = 0.05
 _BINS = (0.0, 0.2, 0.5, 0.8, 0.95, 1.0)

@@ -1,6 +1,6 @@
 """What compilation costs a diagnosis: `python -m benchmarks compile_time_diagnose`.
 
-The embedded case of `frictionjax demo`, in this process, nothing kept from earlier runs; `tests/test_house_traces.py`
+The embedded case of `frictionjax demo`, in this process, nothing kept from earlier runs; `tests/house/test_traces.py`
 holds that another case of the same shapes compiles nothing.
 """
 

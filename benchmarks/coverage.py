@@ -26,14 +26,15 @@ from benchmarks.concealed.reality import make_case
 from benchmarks.diagnosis import SIZES
 from frictionjax.core import Estimate, keep_compiled
 from frictionjax.demo import write_demo_case
-from frictionjax.diagnosis import base_fit, pipeline
-from frictionjax.diagnosis.begin import Beginning, begin
-from frictionjax.diagnosis.floor import answer_to_force, force_noise, quietness
-from frictionjax.diagnosis.judge import judge
-from frictionjax.diagnosis.refit import Model
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
+from frictionjax.diagnosis import diagnose as pipeline
+from frictionjax.diagnosis.base_model import fit_base as base_fit
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_noise, quietness
+from frictionjax.diagnosis.intake.starting_point import Beginning, begin
+from frictionjax.estimation.descent.robust import descend
+from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
 from frictionjax.estimation.parameters import physical
-from frictionjax.estimation.robust_fit import descend
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive

@@ -27,7 +27,7 @@ import frictionjax as fj
 from benchmarks.bank import COMPILED, again, can_change, diagnosed, fill, job_of, jobs
 from benchmarks.concealed.reality import CATALOGUE
 from frictionjax.core import keep_compiled
-from frictionjax.diagnosis.rejection import most_left
+from frictionjax.diagnosis.selection.verdict_rule import most_left
 from frictionjax.physics import catalogue
 
 STRENGTHS = ["strong", "medium"]

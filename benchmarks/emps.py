@@ -21,9 +21,9 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 import frictionjax as fj
-from frictionjax.estimation.batch import make_batch
+from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.start import starting_values
+from frictionjax.estimation.start.driven import starting_values
 from frictionjax.physics import catalogue
 from frictionjax.simulation import observer_gains, predict_ahead, residual_force
 

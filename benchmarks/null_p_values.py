@@ -15,10 +15,10 @@ import frictionjax as fj
 from benchmarks.bank import case_of
 from benchmarks.concealed.reality import make_case
 from frictionjax.core import keep_compiled
-from frictionjax.diagnosis.base_fit import base_of
-from frictionjax.diagnosis.begin import begin
-from frictionjax.diagnosis.select import try_catalogue
-from frictionjax.diagnosis.weigh import effect_p_values
+from frictionjax.diagnosis.base_model.fit_base import base_of
+from frictionjax.diagnosis.intake.starting_point import begin
+from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
+from frictionjax.diagnosis.selection.decide import effect_p_values
 from frictionjax.estimation.scales import plant_scales
 
 LEVELS = (0.05, 0.01, 0.001)

@@ -10,10 +10,26 @@ from jaxtyping import Float
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.explain import explain_effect
-from frictionjax.diagnosis.next_experiment import NextExperiment
 from frictionjax.recordings import Plant
 
 Verdict = Literal["adequate", "named", "unknown"]
+
+
+class NextExperiment(eqx.Module):
+    """An experiment that separates two names.
+
+    **Attributes:** `between` (the two effects), `experiment` (in words), `d_prime` (distance of the two models in
+    standard deviations, for one pass), `seconds` (how long it must last for a distance of 5), `u` (the input of one
+    pass, input units, shape `(n,)`), `sample_rate` (Hz), `sentence`.
+    """
+
+    between: tuple[str, str] = eqx.field(static=True)
+    experiment: str = eqx.field(static=True)
+    d_prime: float = eqx.field(static=True)
+    seconds: float = eqx.field(static=True)
+    u: Float[np.ndarray, " n"]
+    sample_rate: float = eqx.field(static=True)
+    sentence: str = eqx.field(static=True)
 
 
 class MissingEffect(eqx.Module):

@@ -9,20 +9,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import InputError, Progress, require_x64, silent
-from frictionjax.estimation.batch import Batch, make_batch
 from frictionjax.estimation.constraints import Constraints, resolve
+from frictionjax.estimation.data.batch import Batch, make_batch
+from frictionjax.estimation.data.observation import (
+    Observation,
+    Sorted,
+    recordings_of,
+    responses_of,
+    sort_data,
+)
+from frictionjax.estimation.descent.refine import Refined, refine
+from frictionjax.estimation.descent.settle import robust_costs, settle
 from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_response, observed
-from frictionjax.estimation.joint import FAST_BANDWIDTH
-from frictionjax.estimation.loss import AbstractLoss, Gaussian
-from frictionjax.estimation.observation import Observation, Sorted, recordings_of, responses_of, sort_data
+from frictionjax.estimation.objective.joint import FAST_BANDWIDTH
+from frictionjax.estimation.objective.loss import AbstractLoss, Gaussian
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import pack, part_of, weak_prior
-from frictionjax.estimation.posterior import Posterior
-from frictionjax.estimation.refine import Refined, refine
 from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.settle import robust_costs, settle
-from frictionjax.estimation.start import starting_values
-from frictionjax.estimation.start_imposed import starting_values_imposed
+from frictionjax.estimation.start.driven import starting_values
+from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.frequency import FRF
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording

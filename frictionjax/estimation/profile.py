@@ -9,11 +9,11 @@ from scipy.stats import chi2
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import Held
+from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
+from frictionjax.estimation.descent.refine import CLOSE, LONG
 from frictionjax.estimation.evidence.base import AbstractMeasurement
-from frictionjax.estimation.least_squares import equal_curvature, levenberg_marquardt
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import part_of
-from frictionjax.estimation.posterior import Posterior
-from frictionjax.estimation.refine import CLOSE, LONG
 from frictionjax.estimation.result import FitResult
 
 _STEPS = 8  # of Levenberg-Marquardt in a refit from near by

@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
+from frictionjax.estimation.data.batch import CLUSTER
+from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.evidence import Forces, Positions
+from frictionjax.estimation.objective.posterior import Posterior, curvature_and_gradients
 from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
-from frictionjax.estimation.posterior import Posterior, curvature_and_gradients
-from frictionjax.estimation.refine import Refined
 from frictionjax.estimation.uncertainty import estimate_of
 from frictionjax.physics import Drive
 
-CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces
 _FEW = 20  # clusters: fewer tell nothing of how errors correlate
 
 

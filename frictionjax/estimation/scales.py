@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from frictionjax.estimation.batch import AbstractBatch, Batch
+from frictionjax.estimation.data.batch import AbstractBatch, Batch
 from frictionjax.estimation.evidence import Forces
 from frictionjax.physics import Drive
 

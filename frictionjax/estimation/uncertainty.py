@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
-from frictionjax.estimation.least_squares import Setting
+from frictionjax.estimation.objective.setting import Setting
 from frictionjax.estimation.parameters import Free, physical
 
 _FEWEST = 30

@@ -72,7 +72,7 @@ class MujocoJoint(eqx.Module):
         **Returns:**
 
         MJCF as text. The integrator is Euler, whose damping is implicit; RK4 is closer to the solution still,
-        implicitfast farther from it (ten times and more in sliding, tests/test_exchange_mujoco.py).
+        implicitfast farther from it (ten times and more in sliding, tests/exchange/test_mujoco.py).
         """
         step = min(self.timestep, 1e-3) if timestep is None else timestep
         m = _text(self.trial_inertia)

@@ -21,7 +21,7 @@ _NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is d
 
 
 # The creep of a shaken bristle goes one way for long: as a noise that is new at each sample it must be larger. At 30
-# times its variance the innovations of a held machine are white (tests/test_estimation_fit.py), at 10 the filter is
+# times its variance the innovations of a held machine are white (tests/estimation/test_fit.py), at 10 the filter is
 # lost.
 _LASTING = 30.0
 

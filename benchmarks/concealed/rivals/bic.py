@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.concealed.rivals.ground import Ground
 from benchmarks.concealed.rivals.largest_r2 import r2_of
-from frictionjax.estimation.joint import Joint
-from frictionjax.estimation.robust_fit import Fitted, descend
+from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.objective.joint import Joint
 
 _STEPS = 6
 

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import frictionjax as fj
-from frictionjax.diagnosis.evaluate import View, view
-from frictionjax.diagnosis.judge import Judgement, Scene
-from frictionjax.diagnosis.name import forms_to_try
-from frictionjax.diagnosis.present import Present, present_model
-from frictionjax.diagnosis.wavelengths import wavelengths
-from frictionjax.estimation.batch import Batch, make_batch
-from frictionjax.estimation.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
+from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
+from frictionjax.diagnosis.evidence.views import View, view
+from frictionjax.diagnosis.screening.linearised import Present, present_model
+from frictionjax.diagnosis.screening.periods import wavelengths
+from frictionjax.diagnosis.screening.score_test import forms_to_try
+from frictionjax.estimation.data.batch import Batch, make_batch
+from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import AbstractEffect, catalogue
 

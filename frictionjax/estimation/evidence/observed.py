@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence.base import AbstractEvidence
-from frictionjax.estimation.residuals import standardised
+from frictionjax.estimation.evidence.residuals import standardised
 from frictionjax.physics import Drive
 from frictionjax.simulation import Gains, observer_gains
 

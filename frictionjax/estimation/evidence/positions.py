@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
-from frictionjax.estimation.batch import Batch
+from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with

@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterable
 from typing import ClassVar
 
+from frictionjax.diagnosis.mismatch_map.where_words import SIGNIFICANT
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
-from frictionjax.diagnosis.where import SIGNIFICANT
 from frictionjax.report.format import number, p_value, percent, words
 from frictionjax.report.html import gauge, legend, pair, text
 from frictionjax.report.sections.base import AbstractSection

@@ -1,0 +1,1 @@
+"""Base model: LuGre and inertia fitted, and whether that fit is credible."""

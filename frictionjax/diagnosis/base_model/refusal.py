@@ -1,0 +1,81 @@
+"""A base fit that is not credible: which mistake in the case explains it, and what to check."""
+
+import dataclasses
+from collections.abc import Callable
+
+from frictionjax.diagnosis.base_model.credibility import Credibility, credibility
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.recordings import Case
+
+Refit = Callable[[Case], Model]
+"""Fits the base model to a case."""
+
+
+def mistake(case: Case, refit: Refit) -> str:
+    """What is wrong with a case whose base fit is not credible, a sentence with its cure; empty when it is not known.
+
+    The two mistakes that can be proved are tried: an input of the wrong sign, and a known inertia that contradicts the
+    motor constant. What makes the fit credible is what was wrong.
+
+    **Arguments:**
+
+    - `case`: the case.
+    - `refit`: fits the base model to a changed case.
+    """
+    for changed, cure in _mistakes(case):
+        model = refit(changed)
+        if credibility(model).credible:
+            return cure(model)
+    return ""
+
+
+def what_to_check(found: Credibility, case: Case, known: str) -> str:
+    """The warning: how bad the base fit is, and what mends it.
+
+    **Arguments:**
+
+    - `found`: what the base fit explains.
+    - `case`: the case.
+    - `known`: the `mistake` that was found, or nothing.
+    """
+    said = (
+        "The base fit is not credible: it predicts the motion no better than no model would, which expects the machine "
+        f"to keep its speed ({100 * max(found.energy, -9.99):.0f} % of the energy explained)."
+    )
+    if known:
+        return f"{said} Nothing was tested or named. {known}"
+    said = f"{said} No effect of the catalogue mends that, and nothing is named."
+    names = [case.fit_recordings[row].name for row in found.failed]
+    worst = f" It is worse in {', '.join(names)}." if names else ""
+    return (
+        f"{said}{worst} Check that u is what drives x (columns, and one clock for both), its sign, the units of time "
+        "and position, and whether something else moves the machine."
+    )
+
+
+def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
+    """Changed cases, and what is to be said when the base model fits them."""
+    reversed_input = dataclasses.replace(
+        case, recordings=tuple(dataclasses.replace(r, u=-r.u) for r in case.recordings)
+    )
+    found: list[tuple[Case, Callable[[Model], str]]] = [
+        (
+            reversed_input,
+            lambda model: (
+                "With the sign of u changed it is: a positive input moves x backwards. Set "
+                "scale = {u = -1.0}."
+            ),
+        )
+    ]
+    known = case.plant.inertia
+    if known is not None:
+        found.append(
+            (
+                dataclasses.replace(case, plant=dataclasses.replace(case.plant, inertia=None)),
+                lambda model: (
+                    f"With a free inertia it is, at {float(model.judgement.drive.J):.3g} instead of {known:.3g}: the "
+                    "inertia and the motor constant contradict each other. Correct one of them, or leave it out."
+                ),
+            )
+        )
+    return found

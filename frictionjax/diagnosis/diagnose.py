@@ -1,0 +1,343 @@
+"""`diagnose`: from a case to a verdict; strings the steps together."""
+
+import dataclasses
+import os
+import time
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import equinox as eqx
+import numpy as np
+
+from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
+from frictionjax.core.compile_time import CompileClock
+from frictionjax.diagnosis.base_model.credibility import credibility
+from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, told_parameters
+from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
+from frictionjax.diagnosis.findings.candidates import candidates
+from frictionjax.diagnosis.findings.next_experiment import next_experiment
+from frictionjax.diagnosis.findings.not_diagnosed import unscored
+from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
+from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
+from frictionjax.diagnosis.intake.starting_point import begin, check
+from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
+from frictionjax.diagnosis.mismatch_map.locate import Located, locate
+from frictionjax.diagnosis.mismatch_map.where_words import strongest
+from frictionjax.diagnosis.selection.confidence import evidence_of
+from frictionjax.diagnosis.selection.decide import Step, effect_p_values
+from frictionjax.diagnosis.selection.model_spread import moved
+from frictionjax.diagnosis.selection.select import select
+from frictionjax.diagnosis.selection.verdict_rule import verdict_of
+from frictionjax.diagnosis.verdict import (
+    Diagnosis,
+    MismatchBin,
+    MissingEffect,
+    NextExperiment,
+    Unexplained,
+    Verdict,
+)
+from frictionjax.estimation.data.batch import Batch
+from frictionjax.physics import Drive
+from frictionjax.physics.effects import AbstractEffect
+from frictionjax.recordings import Case, Plant
+
+_UNDETERMINED = (
+    "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "
+    "parameters predicts all of them to the noise. These recordings ask for no other physics; the fitted ones leave "
+    "some parameter open: fit a recording like those kept aside, too."
+)
+_HARDLY = (
+    "The base model alone predicts the motion no better than no model would; only with {} it does. Its own parameters "
+    "mean little."
+)
+_MISLEADING = (
+    "A map of the missing force over {} lowers the held-out misfit, yet the held-out error rises from {:.3g} to {:.3g} "
+    "times the noise: it is not kept."
+)
+
+
+def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
+    """Locate the mismatch between the recordings and the base model, name what is missing, and verify it.
+
+    **Arguments:**
+
+    - `case`: plant and recordings; at least one recording must be held out.
+    - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits side by side. None: a
+      thread for each core of this machine.
+    - `progress`: called with the stage and the fraction done.
+
+    **Returns:**
+
+    A `Diagnosis`.
+
+    **Raises:**
+
+    `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
+    """
+    require_x64()
+    check(case)
+    own = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
+    try:
+        return _diagnose(case, own or executor, progress)  # type: ignore[arg-type]
+    finally:
+        if own is not None:
+            own.shutdown(cancel_futures=True)
+
+
+def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
+    clock, compiling = _Stages(), CompileClock()
+    plant = case.plant
+    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
+    progress("starting values", 0.0)
+    begun = begin(case)
+    clock.stage("start")
+    scene = begun.scene
+    known = plant.inertia is not None
+    base = base_of(
+        begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
+    )
+    notes = list(begun.notes)
+    scene = _with_steps_of(scene, base)
+    credible, known = credibility(base), ""
+    if not credible.credible:
+        progress("looking for what is wrong", 0.2)
+        known = mistake(case, lambda other: _base_alone(other, executor))
+    clock.stage("base fit")
+    untestable, unseen = not_testable(case, begun.batch)
+    steps: list[Step] = []
+    if not known:
+        steps = select(
+            base,
+            executor,
+            lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
+            without=unseen | frozenset(idle_effects() if begun.imposed else ()),
+            barred=frozenset(untestable),
+            stick_inertia=begun.start.stick_inertia,
+        )
+    clock.stage("naming")
+    if not credible.credible:
+        # A pendulum is no machine on rails: what is missing may be all that moves it.
+        mended = [step.accepted for step in steps if step.accepted is not None]
+        if not mended or not credibility(mended[-1].model).credible:
+            own = parameters_of(base, units)
+            warnings = (
+                what_to_check(credible, case, known),
+                *_warnings(case, own, message_of(base), begun.notes),
+            )
+            seen = view(base.judgement, scene)
+            clock.stage("judging")
+            return unscored(case, base, scene, seen, own, warnings, clock.told(compiling))
+        notes.append(_HARDLY.format(", ".join(found.effect for found in mended)))
+    base = steps[0].before
+    accepted = [step.accepted for step in steps if step.accepted is not None]
+    last = accepted[-1].model if accepted else base
+    verdict, left = verdict_of(steps)
+    if steps[0].together:
+        notes.append(_UNDETERMINED)
+    residual = None
+    if verdict == "unknown":
+        progress("what carries the rest", 0.82)
+        residual = residual_model(last, steps[-1].floor, executor)
+        clock.stage("unknown")
+    final = residual.model if residual is not None and residual.helps else last
+    progress("judging on every recording", 0.86)
+    scene = _with_steps_of(scene, final)
+
+    def told(model: Model) -> Future:
+        # What a base model lacks bends its parameters by more than an unmeasured force does.
+        force = steps[-1].force if model is last else 0.0
+        return executor.submit(told_parameters, model, units, force, lacking=model is base is not final)
+
+    of_base, of_final = told(base), None if final is base else told(final)
+    base_view, extended_view = _views(base, final, scene)
+    if residual is not None and residual.helps:
+        own_view = base_view if last is base else view(last.judgement, scene)
+        before, after = (held_out_error(seen, scene) for seen in (own_view, extended_view))
+        if after > before:
+            notes.append(_MISLEADING.format(residual.variable, before, after))
+            residual, final, extended_view = None, last, own_view
+            of_final = None if final is base else told(final)
+    progress("locating", 0.95)
+    located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
+    bins = located.bins
+    (base_parameters, _), (extended, coarse) = of_base.result(), (of_final or of_base).result()
+    extended, likeness = moved(extended, last.joint.layout, steps)
+    notes += [text for text in (coarse, likeness) if text]
+    experiments, not_designed = _experiments(steps, progress)
+    notes += not_designed
+    missing = _missing(steps, extended, located.where, experiments)
+    unexplained = _unexplained(verdict, left, bins, residual)
+    fits = recording_fits(begun.recordings, scene, base_view, extended_view, base.judgement.drive)
+    clock.stage("judging")
+    return Diagnosis(
+        case=case.name,
+        plant=plant,
+        verdict=verdict,
+        summary=summary_sentence(verdict, missing, unexplained, located.where, fits),
+        missing=missing,
+        unexplained=unexplained,
+        mismatch=bins,
+        base=base_parameters,
+        extended=extended,
+        recordings=fits,
+        candidates=candidates(steps, units, untestable),
+        warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
+        seconds=clock.told(compiling),
+        within=located.within,
+    )
+
+
+def _with_steps_of(scene: Scene, model: Model) -> Scene:
+    """The `scene`, simulated with as many integration steps a sample as the `model`."""
+    steps = model.joint.batch.substeps
+    if not isinstance(scene.batch, Batch) or steps == scene.batch.substeps:
+        return scene
+    return eqx.tree_at(lambda own: own.batch, scene, dataclasses.replace(scene.batch, substeps=steps))
+
+
+def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
+    """Base and final model before all recordings; the base model as the final one with silent effects, so that both
+    are compiled once."""
+    extended = view(final.judgement, scene)
+    if final is base:
+        return extended, extended
+    silent_effects = [effect.silenced() for effect in final.judgement.drive.effects]
+    structure = base.judgement.drive.with_effects(*silent_effects)
+    return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
+
+
+def _base_alone(case: Case, executor: Executor) -> Model:
+    """The base model of a changed case."""
+    return base_of(begin(case), executor, silent, known_inertia=case.plant.inertia is not None)
+
+
+class _Stages:
+    """Wall-clock time of the stages, s."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def stage(self, name: str) -> None:
+        now = time.perf_counter()
+        self.seconds[name] = round(now - self._last, 2)
+        self._last = now
+
+    def told(self, compiling: CompileClock) -> dict[str, float]:
+        total = time.perf_counter() - self._start
+        return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}
+
+
+def _map(
+    seen: View,
+    extended: View,
+    base: Drive,
+    plant: Plant,
+    scene: Scene,
+    floor: np.ndarray,
+    executor: Executor,
+) -> Located:
+    batch = scene.batch
+    inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
+    axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
+    if not isinstance(batch, Batch):
+        axes = tuple(axis for axis in axes if axis.name != "input")
+    return locate(seen, extended, axes, scene, floor, mapping=executor.map)
+
+
+def _unexplained(
+    verdict: Verdict, left: tuple[bool, float], bins: tuple[MismatchBin, ...], residual: ResidualModel | None
+) -> Unexplained:
+    """What remains, where it acts, and over which variable a map of it predicts recordings kept aside."""
+    present, share = left
+    regimes = [b for b in bins if b.axis == "regime"]
+    if verdict == "unknown" and residual is None:
+        place = strongest(bins, "regime")
+    else:
+        place = max(regimes, key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None)
+    where = place.bin if place is not None and present else ""
+    if residual is None:
+        return Unexplained(present, share, where)
+    strong = strongest(bins, "regime")
+    where = strong.bin if strong is not None else where
+    carried = residual.variable if residual.helps else ""
+    if carried:
+        where = f"{where}; carried by {carried}"
+    return Unexplained(present, share, where, carried, residual.compared.share_holdout if carried else 0.0)
+
+
+def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
+    """Named effect -> the experiment that tells it from the closest of its class; and why there is none, where there is
+    none."""
+    found, failed = {}, []
+    for step in steps:
+        if step.accepted is None or not step.rivals:
+            continue
+        rival = next(r for r in step.refits if r.effect in step.rivals)
+        progress(f"designing the experiment that tells {step.accepted.effect} from {rival.effect}", 0.97)
+        pair = f"{step.accepted.effect} from {rival.effect}"
+        try:
+            designed = next_experiment(step.accepted, rival)
+        except InputError as error:
+            failed.append(f"No experiment was designed that tells {pair}: {error}")
+            continue
+        if designed is None:
+            failed.append(f"None of the plain experiments tells {pair} within an hour.")
+        else:
+            found[step.accepted.effect] = designed
+    return found, tuple(failed)
+
+
+def _missing(
+    steps: list[Step],
+    extended: dict[str, Estimate],
+    where: str,
+    experiments: dict[str, NextExperiment],
+) -> tuple[MissingEffect, ...]:
+    missing = []
+    believed = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
+    for step, evidence in believed:
+        found = step.accepted
+        if found is None:
+            continue
+        joint = found.model.joint
+        place = len(joint.setting.drive.effects) - 1
+        effect = joint.setting.drive.effects[-1]
+        own = f"effects.{place}."
+        named = {p.parameter.name: extended[p.label] for p in joint.layout if p.path.startswith(own)}
+        members = (found.effect, *step.rivals)
+        missing.append(
+            MissingEffect(
+                effect=found.effect,
+                effect_class=members,
+                confidence=round(evidence.confidence, 3),
+                p_value=effect_p_values(step.trials)[found.effect],
+                parameters=named,
+                where=where,
+                split_by=_split_by(effect, members, experiments.get(found.effect)),
+                next_experiment=experiments.get(found.effect),
+                sentence=effect.about.sentence,
+                evidence=tuple(float(number) for number in evidence),
+            )
+        )
+    return tuple(missing)
+
+
+def _split_by(effect: AbstractEffect, members: tuple[str, ...], designed: NextExperiment | None) -> str:
+    if len(members) == 1:
+        return ""
+    return designed.sentence if designed is not None else effect.about.split_by
+
+
+def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:
+    warnings = [f"{r.name}: {text}" for r in case.recordings for text in r.warnings]
+    warnings += list(notes)
+    vague = [name for name, estimate in base.items() if not estimate.identified]
+    if vague:
+        warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
+    if message:
+        warnings.append(f"Base fit: {message}")
+    return tuple(dict.fromkeys(warnings))

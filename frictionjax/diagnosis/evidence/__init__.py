@@ -1,0 +1,1 @@
+"""Evidence: what a fitted model explains of all recordings, above the noise floor."""

@@ -1,0 +1,26 @@
+"""A fitted model structure, and what it explains."""
+
+import equinox as eqx
+
+from frictionjax.diagnosis.evidence.judgement import Judgement
+from frictionjax.estimation.descent.robust import Fitted
+from frictionjax.estimation.objective.joint import Joint
+from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
+
+
+class Model(eqx.Module):
+    """A fitted structure: `joint` (slow observer), where the descent ended, `fitted`, and its `judgement`."""
+
+    joint: Joint
+    fitted: Fitted
+    judgement: Judgement
+
+
+def is_chaotic(model: Model) -> bool:
+    """Whether contacts make the motion of the `model` chaotic."""
+    return any(has_contacts(effect) for effect in model.judgement.drive.effects)
+
+
+def has_contacts(effect: AbstractEffect) -> bool:
+    """Whether the `effect` is a load that strikes the ends of a gap."""
+    return isinstance(effect, AbstractLoadEffect) and effect.chaotic

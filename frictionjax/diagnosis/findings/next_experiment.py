@@ -1,0 +1,97 @@
+"""The next experiment: where recordings leave several names, the one that would tell them apart, and how long it takes.
+
+Both models as they were fitted, free runs of some plain experiments under each, the rival refitted: what is left of
+their difference over the sensor's noise is the d' at which the experiment separates them (information.discrimination).
+Information grows with time, so d' with its square root.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import InputError
+from frictionjax.diagnosis.refitting.refitted import Refitted
+from frictionjax.diagnosis.verdict import NextExperiment
+from frictionjax.estimation.data.batch import Batch
+from frictionjax.information import rank_for_discrimination
+from frictionjax.physics import Drive
+
+_SECONDS = 4.0  # of each candidate
+
+_RATE = 1000.0  # Hz, at most
+
+_WANTED = 5.0  # d' at which the names are apart
+
+_STEPS = 3  # of the rival's refit
+
+_LONGEST = 3600.0  # s: an experiment that takes longer does not tell them apart
+
+
+def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[np.ndarray, " n"]]:
+    """Experiments in words -> input of 4 s, in units of `break_away` (the input that breaks the machine away)."""
+    t = np.arange(round(_SECONDS * sample_rate)) / sample_rate
+    rng = np.random.default_rng(5)
+
+    def line(*corners):
+        times, levels = zip(*corners, strict=True)
+        return np.interp(t, times, levels)
+
+    def noise(level):
+        white = rng.standard_normal(t.size)
+        spectrum = np.fft.rfft(white)
+        spectrum[np.fft.rfftfreq(t.size, 1.0 / sample_rate) > 150.0] = 0.0
+        shaped = np.fft.irfft(spectrum, t.size)
+        return level * shaped / np.std(shaped)
+
+    loops = line(
+        *((0.0, 0.0), (0.3, 0.9), (0.9, -0.9), (1.3, 0.5), (1.6, -0.5), (1.8, 0.25)),
+        *((2.0, -0.25), (2.3, 0.9), (2.9, -0.9), (3.4, 0.6), (3.7, 0.0), (4.0, 0.0)),
+    )
+    held = line((0.0, 0.0), (0.1, 0.0), (0.12, 0.6), (2.0, 0.6), (2.02, 0.0), (4.0, 0.0))
+    ramps = line(
+        (0.0, 0.0), (1.0, 1.08), (1.05, 0.0), (2.0, 0.0), (2.5, -1.08), (2.55, 0.0), (3.5, 1.08), (3.55, 0.0)
+    )
+    named = {
+        "nested triangles of force below break-away (0.9, 0.5, 0.25 of it)": loops,
+        "a force held at 0.6 of break-away for 2 s, and let go": held,
+        "noise of a tenth of break-away (rms)": noise(0.1),
+        "noise of a third of break-away (rms)": noise(0.33),
+        "slow ramps through break-away in both directions, with rests between": ramps,
+        "a sine of twice break-away at 2 Hz": 2.0 * np.sin(2.0 * np.pi * 2.0 * t),
+    }
+    return {name: break_away * signal for name, signal in named.items()}
+
+
+def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | None:
+    """The plain experiment that best separates two models as they were fitted; None where none does within an hour.
+
+    **Raises:** `InputError` where there is nothing to design: two forms of one effect, runs that overflow, or motions
+    that are imposed.
+    """
+    if not isinstance(accepted.model.joint.batch, Batch):
+        raise InputError(
+            "the motion is imposed, and the experiments that could be designed apply a force",
+            cure="Impose slower and faster motions, smaller ones inside larger ones, and rests.",
+        )
+    drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
+    batch = accepted.model.joint.batch
+    rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
+    without = Drive(drive.J, drive.friction, drive.motor_constant, drive.effects[:-1])
+    break_away = float(drive.friction.Fs) / float(drive.motor_constant)
+    candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
+    noise = float(np.median(np.asarray(batch.noise)))
+    ranked = rank_for_discrimination(
+        without, drive.effects[-1], other.effects[-1], candidates, rate, noise, refit_steps=_STEPS
+    )
+    best = ranked.best
+    seconds = _SECONDS * max((_WANTED / best.d_prime) ** 2, 1.0) if best.d_prime > 0.0 else np.inf
+    if not seconds < _LONGEST:
+        return None
+    between = (accepted.effect, rival.effect)
+    sentence = (
+        f"To tell {between[0]} from {between[1]}: {best.name}, {seconds:.0f} s (one pass of {_SECONDS:.0f} s separates "
+        f"them by {best.d_prime:.1f} standard deviations of the sensor's noise)."
+    )
+    return NextExperiment(
+        between, best.name, best.d_prime, seconds, np.asarray(candidates[best.name]), rate, sentence
+    )

@@ -1,0 +1,50 @@
+"""A case whose base fit is not credible: nothing is tested, refitted or named, and the reader is told what to check."""
+
+from frictionjax.core import Estimate
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.views import View, recording_fits
+from frictionjax.diagnosis.verdict import Candidate, Diagnosis, Unexplained
+from frictionjax.physics.effects import catalogue
+from frictionjax.recordings import Case
+
+REASON = "not tested: the base fit is not credible"
+
+SUMMARY = "Nothing was diagnosed: the base model could not be fitted to these recordings."
+
+
+def unscored(
+    case: Case,
+    base: Model,
+    scene: Scene,
+    seen: View,
+    parameters: dict[str, Estimate],
+    warnings: tuple[str, ...],
+    seconds: dict[str, float],
+) -> Diagnosis:
+    """The diagnosis of a `case` that was not scored: `unknown`, nothing missing by name, every effect untested.
+
+    **Arguments:**
+
+    - `case`: the case.
+    - `base`, `scene`, `seen`: its base fit, its recordings, and what the one says of the others, for pictures.
+    - `parameters`: where the base fit ended.
+    - `warnings`: sentences, that of `what_to_check` first.
+    - `seconds`: stage to s.
+    """
+    recordings = case.fit_recordings + case.holdout_recordings
+    return Diagnosis(
+        case=case.name,
+        plant=case.plant,
+        verdict="unknown",
+        summary=SUMMARY,
+        missing=(),
+        unexplained=Unexplained(True, 1.0, ""),
+        mismatch=(),
+        base=parameters,
+        extended=parameters,
+        recordings=recording_fits(recordings, scene, seen, seen, base.judgement.drive),
+        candidates=tuple(Candidate(name, float("nan"), {}, False, REASON) for name in catalogue()),
+        warnings=warnings,
+        seconds=seconds,
+    )

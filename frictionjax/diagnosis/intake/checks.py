@@ -1,0 +1,71 @@
+"""What a case must hold before anything is computed from it: numbers, an input, and motion."""
+
+import numpy as np
+
+from frictionjax.core import InputError
+from frictionjax.estimation.data.batch import noise_level
+from frictionjax.recordings import Case, Recording
+
+_AVERAGED = 0.05  # s
+_STILL = 1.2  # times the noise: the spread of a position that is nothing but noise
+_DRIFT = 2.0  # times the spread that means over noise alone have
+
+
+def check_usable(case: Case) -> None:
+    """Refuse force-driven recordings from which nothing can be learnt.
+
+    **Raises:** `InputError` for a motor constant that is no positive number, for channels that are not finite, for a
+    position that never changes or an input that is zero throughout, and when the machine moves in none of the fitted
+    recordings.
+    """
+    constant = case.plant.motor_constant
+    if constant is not None and not (np.isfinite(constant) and constant > 0.0):
+        raise InputError(
+            f"the motor constant is {constant:g}, it must be above zero",
+            file=case.name,
+            place="plant",
+            cure="Make it positive, or leave it out (None); when a positive u moves x backwards, change the sign of u",
+        )
+    for recording in case.recordings:
+        _check_channels(case, recording)
+    if not any(_moves(recording, case.plant.encoder_step) for recording in case.fit_recordings):
+        raise InputError(
+            "the machine moves in none of the recordings to fit: x is nothing but noise",
+            file=case.name,
+            cure="Drive it harder, or check which column is x and that the input reaches the machine",
+        )
+
+
+def _check_channels(case: Case, recording: Recording) -> None:
+    place = f"recording {recording.name}"
+    for channel, values in (("u", recording.u), ("x", recording.x)):
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            raise InputError(
+                f"{wrong.size} values of {channel} are not finite, the first at sample {wrong[0]}",
+                file=case.name,
+                place=place,
+                cure="Correct them, or use a part of the recording without them",
+            )
+    if np.ptp(recording.x) == 0.0:
+        raise InputError(
+            f"x is constant ({recording.x[0]:.6g})",
+            file=case.name,
+            place=place,
+            cure="Check the sensor, or leave the recording out",
+        )
+    if not np.any(recording.u):
+        raise InputError(
+            "u is zero throughout",
+            file=case.name,
+            place=place,
+            cure="Check that u is the input that was applied, or leave the recording out",
+        )
+
+
+def _moves(recording: Recording, encoder_step: float | None) -> bool:
+    """Whether `x` is more than white noise: in its spread, or in that of its means over 50 ms."""
+    noise, x = noise_level(recording, encoder_step), recording.x
+    size = max(round(_AVERAGED * recording.sample_rate), 1)
+    means = x[: x.size // size * size].reshape(-1, size).mean(axis=1)
+    return bool(np.std(x) > _STILL * noise or np.std(means) > _DRIFT * noise / np.sqrt(size))

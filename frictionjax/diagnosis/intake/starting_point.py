@@ -1,0 +1,88 @@
+"""Where a diagnosis begins: the recordings of a case side by side, and starting values read off them.
+
+The recordings of a case are all of one kind: an input was applied and the position answered, or the motion was imposed
+and the friction force answered.
+"""
+
+import equinox as eqx
+import numpy as np
+
+from frictionjax.core import InputError
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.intake.checks import check_usable
+from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch
+from frictionjax.estimation.data.imposed_batch import ImposedBatch, make_imposed_batch
+from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH
+from frictionjax.estimation.start.driven import Start, starting_values
+from frictionjax.estimation.start.imposed import starting_values_imposed
+from frictionjax.recordings import Case, Recording
+
+_NO_INERTIA = "The motion is imposed: no inertia acts, and none is identified."
+
+
+class Beginning(eqx.Module):
+    """The `recordings` of a case, the fitted ones first; the same as a `batch`; which are `held_out` (bool, shape
+    `(r,)`); the `start`; and `notes`, sentences for the warnings."""
+
+    recordings: tuple[Recording, ...]
+    batch: AbstractBatch
+    held_out: np.ndarray
+    start: Start
+    notes: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the motion is imposed."""
+        return isinstance(self.batch, ImposedBatch)
+
+    @property
+    def scene(self) -> Scene:
+        """All recordings, as maps and pictures see them: without an observer where the motion is imposed."""
+        bandwidth = 0.0 if self.imposed else SLOW_BANDWIDTH
+        return Scene(self.batch, self.held_out, bandwidth, tuple(r.name for r in self.recordings))
+
+
+def begin(case: Case) -> Beginning:
+    """Read starting values off the fitted recordings of a `case` that `check` lets pass."""
+    plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
+    held_out = np.array([recording.role == "holdout" for recording in recordings])
+    if recordings[0].drive == "motion":
+        batch = make_imposed_batch(recordings)
+        start = starting_values_imposed(case.fit_recordings, inertia=plant.inertia)
+        return Beginning(recordings, batch, held_out, start, (*start.notes, _NO_INERTIA))
+    start = starting_values(
+        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
+    )
+    batch = make_batch(recordings, encoder_step=plant.encoder_step)
+    no_constant = "The motor constant is unknown: every force is per input unit."
+    notes = () if plant.motor_constant is not None else (no_constant,)
+    return Beginning(recordings, batch, held_out, start, (*start.notes, *notes))
+
+
+def check(case: Case) -> None:
+    """Raise the `InputError` for a `case` that cannot be diagnosed."""
+    imposed = [recording.name for recording in case.recordings if recording.drive == "motion"]
+    if imposed and len(imposed) < len(case.recordings):
+        raise InputError(
+            f'drive = "motion" in some of the recordings ({", ".join(imposed)}) and "force" in the others',
+            file=case.name,
+            cure="make two cases of it, one for each kind, and diagnose them one after the other",
+        )
+    for recording in case.recordings:
+        least = least_samples(recording.sample_rate)
+        if recording.x.size < least:
+            raise InputError(
+                f"{recording.x.size} samples are too few for a diagnosis",
+                file=case.name,
+                place=f"recording {recording.name}",
+                cure=f"at {recording.sample_rate:g} Hz it needs at least {least}; leave it out or record longer",
+            )
+    if not case.fit_recordings or not case.holdout_recordings:
+        raise InputError(
+            "a diagnosis needs recordings to fit and at least one kept aside",
+            file=case.name,
+            cure='give one recording role = "holdout": it decides whether a name holds; of one recording alone, '
+            "`keep_last_third_aside(case)` keeps the end aside",
+        )
+    if not imposed:
+        check_usable(case)

@@ -1,0 +1,1 @@
+"""Mismatch map: where the base model fails, before anything is named."""

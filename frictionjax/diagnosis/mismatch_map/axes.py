@@ -1,0 +1,246 @@
+"""Along which axes the mismatch is mapped, and which bin of each every sample lies in.
+
+Every axis parts the samples: no sample lies in two of its bins. Where two ways of parting compete for one axis (time
+and distance since a reversal), both are here, and the map keeps the one that tells more.
+"""
+
+import itertools
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.signal import lfilter
+
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.mismatch_map.history import last_rest, since_reversal
+from frictionjax.diagnosis.quantities import neat, one_two_five, span
+from frictionjax.physics import Drive
+from frictionjax.recordings import Plant
+from frictionjax.simulation import observer_gains
+
+_RESTS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, np.inf)  # s
+_TIMES = (0.0, 0.005, 0.02, 0.1, 0.5, np.inf)  # s since a reversal
+_BENDS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # distance since a reversal over the deflection at break-away
+_SEEN = 4.0  # standard deviations of the observer's velocity below which a motion is noise
+
+
+class Motion(eqx.Module):
+    """The base model's own view of all recordings, shape `(r, n)`: `x`, `v`, bend (|z| over Fs/sigma0), `u`."""
+
+    x: np.ndarray
+    v: np.ndarray
+    bend: np.ndarray
+    u: np.ndarray
+
+
+class Union(eqx.Module):
+    """Bins of an axis told as one: their `label`, the same as words after "only" (`phrase`), and which they are."""
+
+    label: str = eqx.field(static=True)
+    phrase: str = eqx.field(static=True)
+    bins: tuple[int, ...] = eqx.field(static=True)
+
+
+class Axis(eqx.Module):
+    """One way to part the samples.
+
+    **Attributes:** `name` (of the contract), `labels` of the bins, `phrases` (the same as words after "only"), `index`
+    of each sample's bin, shape `(r, n)`, -1 for none; `unions` of bins that are told as one ("after rests longer than
+    0.3 s").
+    """
+
+    name: str = eqx.field(static=True)
+    labels: tuple[str, ...] = eqx.field(static=True)
+    phrases: tuple[str, ...] = eqx.field(static=True)
+    index: Int[np.ndarray, "r n"]
+    unions: tuple[Union, ...] = eqx.field(static=True, default=())
+
+    def parts(self) -> list[tuple[str, str, tuple[int, ...]]]:
+        """Label, phrase and bins of every bin and every union."""
+        single = [(label, self.phrases[k], (k,)) for k, label in enumerate(self.labels)]
+        return single + [(union.label, union.phrase, union.bins) for union in self.unions]
+
+    def inside(self, bins: tuple[int, ...]) -> Bool[np.ndarray, "r n"]:
+        """Which samples lie in one of the `bins`, shape `(r, n)`."""
+        chosen = np.zeros(len(self.labels) + 1, bool)  # the last for samples in no bin
+        chosen[list(bins)] = True
+        return chosen[self.index]
+
+
+def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 1"]:
+    """Speed below which each recording is at rest, position units per s: a part of the Stribeck velocity and of the
+    highest speed `top`, and above what the sensor's noise leaves in the observer's velocity."""
+    modelled = min(0.3 * float(drive.friction.vs), 0.02 * top)
+    speeds = []
+    for dt, noise in zip(np.asarray(scene.batch.dt), np.asarray(scene.batch.noise), strict=True):
+        if scene.bandwidth == 0.0:  # no observer: the motion is imposed, and `noise` is that of the force
+            speeds.append(modelled)
+            continue
+        gains = observer_gains(min(scene.bandwidth, 0.1 / float(dt)), float(dt))
+        pole = float(np.sqrt(1.0 - gains.position))
+        # From the noise of the position to the velocity of a free mass: l2 q (1 - q) / (1 - p q)^2.
+        impulse = np.zeros(round(20.0 / (1.0 - pole)))
+        impulse[0] = 1.0
+        answer = np.asarray(lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
+        own = float(gains.velocity) * float(np.linalg.norm(answer)) * float(noise)
+        speeds.append(max(modelled, _SEEN * own))
+    return np.array(speeds)[:, None]
+
+
+def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[Axis, ...]:
+    """The axes of a map, frequency excepted.
+
+    **Arguments:**
+
+    - `motion`: the base model's view of the recordings.
+    - `drive`: the base model.
+    - `plant`: for units.
+    - `scene`: the recordings.
+    """
+    valid = np.asarray(scene.batch.valid) > 0
+    top = float(np.quantile(np.abs(motion.v)[valid], 0.999))
+    slow = quiet_speed(drive, scene, top)
+    return (
+        _regime(motion, float(drive.friction.vs), slow, top),
+        _direction(motion, slow),
+        _velocity(motion, top, plant),
+        _position(motion, valid, plant),
+        _input(motion, valid, plant),
+        *_since_reversal(motion, drive, slow, plant, scene),
+        _dwell(motion, slow, scene),
+        _time(scene),
+    )
+
+
+def _regime(motion: Motion, vs: float, slow: np.ndarray, top: float) -> Axis:
+    speed = np.abs(motion.v)
+    gross = speed > max(min(3.0 * vs, 0.3 * top), 0.0)
+    moving = (speed > slow) & (motion.bend > 0.5)
+    bent = np.digitize(motion.bend, (0.2, 0.8))
+    labels = (
+        "stick (bristle bent below 20 % of break-away)",
+        "presliding (20 to 80 %)",
+        "break-away (above 80 %)",
+        "slow sliding (Stribeck)",
+        "sliding",
+    )
+    index = np.where(gross, 4, np.where(moving, 3, bent))
+    return Axis("regime", labels, tuple(f"in {label.split(' (')[0]}" for label in labels), index)
+
+
+def _direction(motion: Motion, slow: np.ndarray) -> Axis:
+    index = np.where(motion.v > slow, 0, np.where(motion.v < -slow, 1, 2))
+    labels = ("forward", "backward", "at rest")
+    return Axis("direction", labels, ("moving forward", "moving backward", "at rest"), index)
+
+
+def _velocity(motion: Motion, top: float, plant: Plant) -> Axis:
+    edges = top * np.array([0.0, 0.001, 0.01, 0.03, 0.1, 0.3, np.inf])
+    return _along("velocity", np.abs(motion.v), edges, f"{plant.position_unit}/s", "|v|")
+
+
+def _position(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+    places = np.linspace(float(motion.x[valid].min()), float(motion.x[valid].max()), 9)
+    return _along("position", motion.x, places, plant.position_unit, "x")
+
+
+def _input(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+    effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
+    effort[0], effort[-1] = 0.0, np.inf
+    return _along("input", np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|")
+
+
+def _along(name: str, values: np.ndarray, edges: np.ndarray, unit: str, symbol: str) -> Axis:
+    """An axis along the `values` of a quantity that is written as `symbol`."""
+    # The outermost edges hold everything beyond them: the largest position itself, and the samples not scored.
+    index = np.clip(np.digitize(values, edges) - 1, 0, len(edges) - 2)
+    inner = tuple(neat(edge, unit, edge - before) for before, edge in itertools.pairwise(edges[:-1].tolist()))
+    labels = [f"{symbol} {span(low, high, unit)}" for low, high in itertools.pairwise(edges[:-1].tolist())]
+    if np.isinf(edges[-1]):
+        # A size, from zero on, without an end.
+        first = f"{symbol} below {inner[0]}" if inner else f"{symbol} of any size"
+        labels = [first, *labels[1:], *([f"{symbol} above {inner[-1]}"] if inner else [])]
+    else:
+        labels.append(f"{symbol} {span(float(edges[-2]), float(edges[-1]), unit)}")
+    unions = _beyond(inner, f"{symbol} above {{}}", f"{symbol} below {{}}", "at ")
+    return Axis(name, tuple(labels), tuple(f"at {label}" for label in labels), index, unions)
+
+
+def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tuple[Union, ...]:
+    """All bins above and all below each of the `edges` between bins that lie in order, except where this is one bin;
+    `before` makes a phrase of their label."""
+    bins, found = tuple(range(len(edges) + 1)), []
+    for k, edge in enumerate(edges):
+        if k + 1 < len(edges):
+            found.append(Union(above.format(edge), f"{before}{above.format(edge)}", bins[k + 1 :]))
+        if k > 0:
+            found.append(Union(below.format(edge), f"{before}{below.format(edge)}", bins[: k + 1]))
+    return tuple(found)
+
+
+def _since_reversal(
+    motion: Motion, drive: Drive, slow: np.ndarray, plant: Plant, scene: Scene
+) -> tuple[Axis, Axis]:
+    dt = np.asarray(scene.batch.dt)
+    since = [
+        since_reversal(x, v, float(own), float(step))
+        for x, v, own, step in zip(motion.x, motion.v, slow[:, 0], dt, strict=True)
+    ]
+    bend = float(drive.friction.Fs / drive.friction.sigma0)
+    edges = [one_two_five(bend * size) for size in _BENDS]
+    reach = max(float(np.ptp(x[:length])) for x, length in zip(motion.x, scene.batch.lengths, strict=True))
+    distances = np.array([0.0, *dict.fromkeys(edge for edge in edges if edge < reach), np.inf])
+    time, way = np.stack([one[0] for one in since]), np.stack([one[1] for one in since])
+    return _after(time, np.array(_TIMES), "s"), _after(way, distances, plant.position_unit)
+
+
+def _after(values: np.ndarray, edges: np.ndarray, unit: str) -> Axis:
+    labels, phrases = [], []
+    for low, high in itertools.pairwise(edges.tolist()):
+        if low == 0.0 and np.isfinite(high):
+            labels.append(f"first {neat(high, unit)} after a reversal")
+            phrases.append(f"in the {labels[-1]}")
+        else:
+            beyond = f"more than {neat(low, unit)}" if low > 0.0 else "any time"
+            labels.append(f"{span(low, high, unit) if np.isfinite(high) else beyond} after a reversal")
+            phrases.append(labels[-1])
+    inner = tuple(neat(edge, unit) for edge in edges[1:-1].tolist())
+    index = np.digitize(values, edges[1:-1])
+    unions = _beyond(inner, "more than {} after a reversal", "first {} after a reversal", "")
+    unions = tuple(
+        Union(union.label, f"in the {union.label}", union.bins) if union.bins[0] == 0 else union
+        for union in unions
+    )
+    return Axis("since_reversal", tuple(labels), tuple(phrases), index, unions)
+
+
+def _dwell(motion: Motion, slow: np.ndarray, scene: Scene) -> Axis:
+    dt = np.asarray(scene.batch.dt)
+    rows = [
+        last_rest(v, float(own), float(step)) for v, own, step in zip(motion.v, slow[:, 0], dt, strict=True)
+    ]
+    length, resting = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
+    index = np.digitize(length, _RESTS[1:-1])
+    bins = len(_RESTS) - 1
+    index = np.where(resting, bins, np.where(np.isinf(length), bins + 1, index))
+    labels = ["after rests below 10 ms"]
+    labels += [f"after rests of {span(low, high, 's')}" for low, high in itertools.pairwise(_RESTS[1:-1])]
+    labels += [f"after rests longer than {neat(_RESTS[-2], 's')}", "at rest", "before the first rest"]
+    inner = tuple(neat(edge, "s") for edge in _RESTS[1:-1])
+    unions = _beyond(inner, "after rests longer than {}", "after rests shorter than {}", "")
+    return Axis("dwell", tuple(labels), tuple(labels), index, unions)
+
+
+def _time(scene: Scene) -> Axis:
+    index = np.full(np.asarray(scene.batch.valid).shape, -1)
+    labels = []
+    for row, name in enumerate(scene.names):
+        dt = float(scene.batch.dt[row])
+        for first, last in itertools.pairwise(np.linspace(0, scene.batch.lengths[row], 4).astype(int)):
+            index[row, first:last] = len(labels)
+            labels.append(f"{name} from {first * dt:.3g} to {last * dt:.3g} s")
+    whole = tuple(
+        Union(f"recording {name}", f"in recording {name}", tuple(range(3 * row, 3 * row + 3)))
+        for row, name in enumerate(scene.names)
+    )
+    return Axis("time", tuple(labels), tuple(f"in {label}" for label in labels), index, whole)

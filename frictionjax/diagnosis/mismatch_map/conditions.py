@@ -1,0 +1,126 @@
+"""Inside the strongest bins of the map: does the excess lie in one part of another axis alone?
+
+Each bin of the other axes, and each union of them ("after rests longer than 0.3 s"), is compared with the rest of the
+strongest bins. Nothing is known in advance of how strong a mismatch is from one moment to the next: the standard error
+of the logarithm of the two powers' ratio comes from clusters of 0.5 s, and its p-value, by Student's t with the degrees
+of freedom of Welch and Satterthwaite, counts for all parts that were compared (Bonferroni).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.stats import t as student
+
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.bin_power import LEAST_SAMPLES, clusters_of
+from frictionjax.diagnosis.mismatch_map.where_words import SIGNIFICANT, divergence
+from frictionjax.diagnosis.verdict import MismatchBin, Within
+
+_ASKED = ("dwell", "direction", "since_reversal", "position", "input", "time")
+_MOST_TOLD = 2
+_LEAST_SHARE = 0.75
+_LEAST_CONTRAST = 3.0  # excess inside over excess elsewhere
+_LARGEST_PART = 0.8  # of the samples: a part that is nearly all says nothing
+_FEW = 3  # clusters on either side, at least
+
+
+def parts_within(
+    lead: tuple[MismatchBin, ...], axes: tuple[Axis, ...], power: Float[np.ndarray, "r n"], scene: Scene
+) -> tuple[Within, ...]:
+    """Parts of other axes that hold the excess of the `lead`, one after the other: each inside the ones before.
+
+    **Arguments:**
+
+    - `lead`: the strongest bins, all of one axis.
+    - `axes`: from `axes_of`.
+    - `power`: squares of the innovations over their floor, shape `(r, n)`.
+    - `scene`: the recordings.
+    """
+    scored = np.asarray(scene.batch.valid) > 0
+    inside = scored & np.any([_inside(one, axes) for one in lead], axis=0)
+    given, told, found = " or ".join(one.bin for one in lead), {lead[0].axis}, []
+    for _ in range(_MOST_TOLD):
+        left = [axis for axis in axes if axis.name in _ASKED and axis.name not in told]
+        best = _strongest_part(left, inside, power, scene, given)
+        if best is None:
+            break
+        part, mask = best
+        found.append(part)
+        told.add(part.axis)
+        inside, given = inside & mask, f"{given}, {part.bin}"
+    return tuple(found)
+
+
+def _inside(one: MismatchBin, axes: tuple[Axis, ...]) -> Bool[np.ndarray, "r n"]:
+    for axis in axes:
+        for label, _, bins in axis.parts() if axis.name == one.axis else ():
+            if label == one.bin:
+                return axis.inside(bins)
+    raise ValueError(f"No axis `{one.axis}` has a bin `{one.bin}`.")
+
+
+def _strongest_part(
+    axes: list[Axis],
+    inside: Bool[np.ndarray, "r n"],
+    power: Float[np.ndarray, "r n"],
+    scene: Scene,
+    given: str,
+) -> tuple[Within, Bool[np.ndarray, "r n"]] | None:
+    """The part of one of the `axes` that holds most of the excess `inside` in the fewest samples, with its mask; None
+    when no part is told from the rest."""
+    own, cluster = power[inside], clusters_of(scene)[inside]
+    compared, found = 0, []
+    for axis in axes:
+        for label, phrase, bins in axis.parts():
+            mask = axis.inside(bins)
+            here = mask[inside]
+            count = int(here.sum())
+            if min(count, own.size - count) < LEAST_SAMPLES or count > _LARGEST_PART * own.size:
+                continue
+            p_value = _more_power(own, here, cluster)
+            if p_value is None:
+                continue
+            compared += 1
+            high, low = float(own[here].mean()), float(own[~here].mean())
+            extra, rest = max(high - 1.0, 0.0) * count, max(low - 1.0, 0.0) * (own.size - count)
+            if extra > 0.0:
+                share = extra / (extra + rest)
+                told = Within(axis.name, label, phrase, given, share, count / own.size, high, low, p_value)
+                found.append((told, mask))
+    told = [
+        (part, mask)
+        for part, mask in found
+        if part.p_value * compared < SIGNIFICANT
+        and part.share >= _LEAST_SHARE
+        and part.excess - 1.0 >= _LEAST_CONTRAST * (part.excess_elsewhere - 1.0)
+    ]
+    if not told:
+        return None
+    part, mask = max(told, key=lambda one: divergence(one[0].share, one[0].samples))
+    return replace(part, p_value=part.p_value * compared), mask
+
+
+def _more_power(
+    power: Float[np.ndarray, " s"], here: Bool[np.ndarray, " s"], cluster: Int[np.ndarray, " s"]
+) -> float | None:
+    """p-value of the power `here` being that elsewhere, against its being larger; None where clusters are too few."""
+    logs, variances, degrees = [], [], []
+    for mask in (here, ~here):
+        which = cluster[mask]
+        count = np.bincount(which)
+        total = np.bincount(which, power[mask])[count > 0]
+        count = count[count > 0].astype(float)
+        m = count.size
+        if m < _FEW or total.sum() <= 0.0:
+            return None
+        mean = total.sum() / count.sum()
+        logs.append(np.log(mean))
+        variances.append(float(np.sum((total - mean * count) ** 2)) * m / (m - 1) / total.sum() ** 2)
+        degrees.append(m - 1)
+    variance = sum(variances)
+    if variance <= 0.0:
+        return None
+    freedom = variance**2 / sum(v**2 / d for v, d in zip(variances, degrees, strict=True))
+    return float(student.sf((logs[0] - logs[1]) / np.sqrt(variance), freedom))

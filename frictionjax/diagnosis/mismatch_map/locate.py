@@ -1,0 +1,134 @@
+"""Locate: where the base model fails, before anything is named.
+
+Excess power of the standardised innovations over the floor, in bins of regime, direction, velocity, position, input,
+time or distance since a reversal, dwell, time and frequency. The shares of one axis add to 1. The floor is known in
+advance: the mean of the map decides nothing, so that a mismatch that is everywhere is seen as well as one in one place.
+"""
+
+import itertools
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.views import View
+from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
+from frictionjax.diagnosis.mismatch_map.conditions import parts_within
+from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
+from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
+from frictionjax.diagnosis.mismatch_map.where_words import lead_of, where_words
+from frictionjax.diagnosis.verdict import MismatchBin, Within
+
+
+class Located(eqx.Module):
+    """**Attributes:** `bins` (the map), `within` (which parts of other axes hold the excess of its strongest bins),
+    `where` (both in words)."""
+
+    bins: tuple[MismatchBin, ...]
+    within: tuple[Within, ...]
+    where: str = eqx.field(static=True)
+
+
+def locate(
+    base: View,
+    extended: View,
+    axes: tuple[Axis, ...],
+    scene: Scene,
+    floor: Float[np.ndarray, "r b"] | None = None,
+    chance: Chance | None = None,
+    mapping: Callable[..., Iterable] = map,
+) -> Located:
+    """The map over all recordings, and where it is strongest.
+
+    **Arguments:**
+
+    - `base`, `extended`: the two models' views.
+    - `axes`: from `axes_of`.
+    - `scene`: the recordings.
+    - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
+    - `chance`: what noise makes of this map; drawn when None, side by side with the `mapping` of an executor.
+    """
+    level = floor_of_samples(floor, scene)
+    e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
+    tally, bands = tally_of(axes, scene), bands_of(scene, level)
+    chance = chance_of(tally, bands, scene, level, mapping=mapping) if chance is None else chance
+    sums = tally.sums(np.stack([e, after]) ** 2)
+    power, own = tally.powers(sums)
+    power = np.concatenate([power, bands.powers(np.stack([e, after]))])
+    own = np.concatenate([own[:, 0], np.zeros(len(bands.labels))])
+    p_values = chance.p_values(statistic_of(power[:, 0], own, chance.spread))
+    names = [(number, axes[number].name, axes[number].labels[k]) for number, k in tally.bins]
+    names += [(len(axes), "frequency", label) for label in bands.labels]
+    counts = [*tally.samples.tolist(), *bands.lines.tolist()]
+    weights = np.concatenate([tally.samples, bands.null])
+    rows = [
+        MismatchBin(name, label, 0.0, float(before), float(then), count, float(p))
+        for (_, name, label), (before, then), count, p in zip(names, power, counts, p_values, strict=True)
+    ]
+    grouped = itertools.groupby(range(len(rows)), key=lambda i: names[i][0])
+    maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
+    bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
+    unions = unions_of(bins, axes)
+    lead = lead_of(bins, unions)
+    within = parts_within(lead, axes, e**2, scene) if lead else ()
+    return Located(bins, within, where_words(bins, unions, within))
+
+
+def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:
+    """The unions of the `bins` that the `axes` name, as one bin each; its p-value is the smallest of theirs."""
+    found = []
+    for axis in axes:
+        known = {b.bin: b for b in bins if b.axis == axis.name}
+        for union in axis.unions:
+            own = [known[axis.labels[k]] for k in union.bins if axis.labels[k] in known]
+            if not own or not set(known) <= set(axis.labels):  # another way of parting was kept
+                continue
+            weight = [b.count / sum(b.count for b in own) for b in own]
+            found.append(
+                MismatchBin(
+                    axis.name,
+                    union.label,
+                    sum(b.share for b in own),
+                    sum(w * b.excess for w, b in zip(weight, own, strict=True)),
+                    sum(w * b.excess_extended for w, b in zip(weight, own, strict=True)),
+                    sum(b.count for b in own),
+                    min(b.p_value for b in own),
+                )
+            )
+    return tuple(found)
+
+
+def floor_of_samples(floor: Float[np.ndarray, "r b"] | None, scene: Scene) -> Float[np.ndarray, "r n"]:
+    """The `floor` of each block, shape `(r, b)`, for each sample; 1 when there is none. Shape `(r, n)`."""
+    shape = np.asarray(scene.batch.valid).shape
+    return np.ones(shape) if floor is None else np.repeat(np.maximum(floor, 1.0), scene.batch.block, axis=1)
+
+
+def _with_shares(rows: list[MismatchBin], weights: np.ndarray, members: list[int]) -> list[MismatchBin]:
+    """The bins of one axis, the `members` of `rows`, with their shares; `weights`: power that noise alone leaves."""
+    extra = np.array([max(rows[i].excess - 1.0, 0.0) * weights[i] for i in members])
+    total = float(extra.sum())
+    shares = extra / total if total > 0 else np.full(len(members), 1.0 / len(members))
+    return [replace(rows[i], share=float(share)) for i, share in zip(members, shares, strict=True)]
+
+
+def _most_telling(maps: list[list[MismatchBin]]) -> list[list[MismatchBin]]:
+    """Of maps along one axis the one whose shares of the excess differ most from those of the samples (the divergence
+    of Kullback and Leibler); the first of those alike."""
+    best: dict[str, list[MismatchBin]] = {}
+    for one in maps:
+        axis = one[0].axis
+        if axis not in best or _divergence(one) > _divergence(best[axis]) + 1e-9:
+            best[axis] = one
+    return list(best.values())
+
+
+def _divergence(rows: list[MismatchBin]) -> float:
+    share = np.array([row.share for row in rows])
+    samples = np.array([row.count for row in rows]) / sum(row.count for row in rows)
+    seen = share > 0.0
+    return float(np.sum(share[seen] * np.log(share[seen] / samples[seen])))

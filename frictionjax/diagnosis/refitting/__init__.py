@@ -1,0 +1,1 @@
+"""Refitting: the candidates that screening leaves, with everything free."""

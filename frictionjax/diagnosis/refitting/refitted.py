@@ -1,0 +1,64 @@
+"""A candidate that was refitted, and the last steps of its fit."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.estimation.descent.robust import descend
+
+_EASE = (
+    0.1  # of the power that a model leaves: errors below it do not count while nothing comes near the noise
+)
+
+_EASED = 0.3  # logarithm of a change of the noise that is worth a refit
+
+
+class Refitted(eqx.Module):
+    """A candidate, refitted.
+
+    **Attributes:** `trial`, `model`.
+    """
+
+    trial: Trial
+    model: Model
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.trial.effect
+
+    @property
+    def form(self) -> str:
+        """Name of its form."""
+        return type(self.trial.form).__name__
+
+
+def polish(candidate: Refitted) -> Refitted:
+    """The same refit, converged: for those that may be named."""
+    model = candidate.model
+    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
+    return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
+
+
+def ease(model: Model) -> Model:
+    """The same model, refitted where it is far from the noise of an imposed motion's force: errors are then weighed
+    against a third of what it leaves in the middle one of the blocks, and a step of the selection sees which candidate
+    takes off most of them.
+
+    Against the noise the cost of a block is the logarithm of its error. A model that is everywhere fifty times worse
+    would be fitted to the blocks in which its error happens to pass through zero.
+    """
+    batch = model.joint.batch
+    if not isinstance(batch, ImposedBatch):
+        return model
+    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted)[:, None] > 0)
+    wanted = max(np.sqrt(_EASE * float(np.median(model.judgement.power[scored]))), 1.0)
+    if abs(np.log(wanted / float(batch.ease[0]))) < _EASED:
+        return model
+    joint = eqx.tree_at(lambda j: j.setting.batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
+    fitted = descend(joint, model.fitted.vector, graduate=False)
+    return Model(joint, fitted, judge(joint, fitted))

@@ -1,0 +1,1 @@
+"""Screening: every effect of the catalogue tested without a refit."""

@@ -1,0 +1,350 @@
+"""Name: every effect tested against the present model, with all base parameters free to absorb it.
+
+For each form of each effect, finite steps of its strength are injected into the present model, as signals along the
+motion that it observed; the innovations are regressed on them and on the Jacobian of the present model. The one-step
+estimate, effect and base parameters together, is then simulated: what the misfit really gains ranks the candidates (a
+linear gain can be a mirage), and the clustered score test gives the p-value. One compiled model serves all effects.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.stats import f
+
+from frictionjax.diagnosis.screening.linearised import BESIDE, Present
+from frictionjax.estimation.evidence.residuals import lane_powers
+from frictionjax.estimation.objective.joint import Joint, extend, misfit_of
+from frictionjax.estimation.objective.look import sum_clusters
+from frictionjax.estimation.uncertainty import merged
+from frictionjax.physics.effects import AbstractEffect
+
+_T = TypeVar("_T")
+_DAMPING = (1.0, 0.4)
+_LONGEST_STEP = 1.5
+_THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
+_HOPELESS = 1e-4  # linear gain per sample that is not worth a simulation
+_FAINT = 0.02  # the same, over the largest linear gain of all effects
+_NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
+
+
+class Trial(eqx.Module):
+    """One effect form tested at one value of its nuisances with one finite step.
+
+    **Attributes:** `effect` (name), `form` (the effect at zero strength), `joint`, `vector` (the best one-step vector),
+    `gain` (drop of the misfit when that vector is simulated), `linear_gain` (drop promised by the regression),
+    `p_value` (clustered score test), `one_step` and `detectable` (strength name -> one-step estimate, smallest
+    detectable size, in the strength's unit); `shown` (power per sample of what the finite step does to the
+    innovations), `absorbed` (the part of it that the present parameters can undo), `valley` (the vector after that step
+    and with it undone).
+    """
+
+    effect: str = eqx.field(static=True)
+    form: AbstractEffect
+    joint: Joint
+    vector: Float[Array, " q"]
+    gain: float
+    linear_gain: float
+    p_value: float
+    one_step: dict[str, float] = eqx.field(static=True)
+    detectable: dict[str, float] = eqx.field(static=True)
+    shown: float
+    absorbed: float
+    valley: Float[Array, " q"]
+
+
+def forms_to_try(
+    form: type[AbstractEffect], scales: dict[str, float], periods: dict[str, tuple[float, ...]]
+) -> list[AbstractEffect]:
+    """Instances of one form at zero strength, one for every grid point of its nuisances.
+
+    **Arguments:**
+
+    - `form`: the class.
+    - `scales`: the plant's sizes.
+    - `periods`: name of a kind of period (`"odd_period"` ...) -> periods found in the data.
+    """
+    axes = []
+    for nuisance in form.nuisances:
+        if nuisance.grid == "period":
+            axes.append([(nuisance.name, period) for period in periods[str(nuisance.scale)]])
+        else:
+            scale = nuisance.scale if isinstance(nuisance.scale, float) else scales[str(nuisance.scale)]
+            axes.append([(nuisance.name, scale * value) for value in nuisance.grid])
+    return [form(**dict(point)) for point in itertools.product(*axes)]
+
+
+@eqx.filter_jit
+def _regressed(errors, sizes, e, fine, weighings, block):
+    """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
+    something of a small effect, and per weighing the products of their columns with the base, with each other and with
+    the innovations `e`, and for each cluster with the `fine` ones."""
+    changes = errors - e[None]
+    thrown = jnp.sqrt(jnp.mean(changes**2, axis=(1, 2)))
+    # A step through a break-away event can throw the trajectory.
+    good = jnp.isfinite(thrown) & (thrown < _THROWN * jnp.sqrt(jnp.mean(e**2)))
+    columns = jnp.where(good[:, None, None], changes / sizes[:, None, None], 0.0)
+    flat = columns.reshape(columns.shape[0], -1)
+    products = []
+    for weight, base in weighings:
+        weighted = columns * weight[None]
+        rows = weighted.reshape(columns.shape[0], -1)
+        products.append(
+            (base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * fine[None], block))
+        )
+    return good, products
+
+
+class Promise(NamedTuple):
+    """What the regression on one finite step promises; `simulated` makes a `Trial` of it."""
+
+    form: AbstractEffect
+    joint: Joint
+    where: tuple[int, ...]
+    candidates: list
+    linear_gain: float
+    p_value: float
+    spread: np.ndarray
+    shown: float
+    absorbed: float
+    valley: np.ndarray
+
+
+class _Probe(NamedTuple):
+    """One finite step: where in the layout, and how far in each of these."""
+
+    form: AbstractEffect
+    joint: Joint
+    vector: Array
+    where: tuple[int, ...]
+    sizes: tuple[float, ...]
+
+
+def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Trial]:
+    """Test one form of an effect against the `present` model: its `promises_of`, `simulated`."""
+    return simulated(present, promises_of(present, [instances], scales))[0]
+
+
+def worth_simulating(promised: list[list[Promise]]) -> float:
+    """Linear gain below which none of what all forms `promised` is worth a simulation. What is missing promises more
+    than it gains, and next to what promises fifty times as much it is not what is missing."""
+    return _FAINT * max((promise.linear_gain for some in promised for promise in some), default=0.0)
+
+
+def promises_of(
+    present: Present, forms: Sequence[list[AbstractEffect]], scales: dict[str, float]
+) -> list[list[Promise]]:
+    """What forms of effects promise beside the `present` model, those of each best first.
+
+    **Arguments:**
+
+    - `present`: the fitted model.
+    - `forms`: each a form at zero strength, at each point of its grid.
+    - `scales`: the plant's sizes.
+
+    **Returns:**
+
+    For each form one `Promise` per instance and finite step, unless the step threw the motion.
+    """
+    blocks = [
+        (number, probes)
+        for number, instances in enumerate(forms)
+        for probes in _side_by_side([p for instance in instances for p in _probes(present, instance, scales)])
+    ]
+    weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
+    promises: list[list[Promise]] = [[] for _ in forms]
+    for (number, probes), errors in zip(
+        blocks, present.lanes(_steps(some) for _, some in blocks), strict=True
+    ):
+        sizes = np.ones(len(errors))
+        steps = [size for probe in probes for size in probe.sizes]
+        sizes[: len(steps)] = steps
+        good, products = _regressed(
+            errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.joint.batch.block
+        )
+        good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
+        first = 0
+        for probe in probes:
+            own = slice(first, first + len(probe.where))
+            first += len(probe.where)
+            if np.all(good[own]):
+                promise = _promise(present, probe, [_part(product, own) for product in products])
+                promises[number].append(promise)
+    return [sorted(some, key=lambda promise: -promise.linear_gain) for some in promises]
+
+
+def lots(items: Sequence[_T], size: int) -> list[Sequence[_T]]:
+    """The `items`, as many together as `size` says."""
+    return [items[first : first + size] for first in range(0, len(items), size)]
+
+
+def _steps(probes: list[_Probe]) -> tuple[list[Joint], list[np.ndarray]]:
+    """Joint and vector of each step of the `probes`."""
+    joints = [probe.joint for probe in probes for _ in probe.where]
+    vectors = [
+        _further(probe.vector, place, size)
+        for probe in probes
+        for place, size in zip(probe.where, probe.sizes, strict=True)
+    ]
+    return joints, vectors
+
+
+def _further(vector: Array, place: int, size: float) -> np.ndarray:
+    """The `vector` with `size` more at one place."""
+    more = np.array(vector)
+    more[place] += size
+    return more
+
+
+def _side_by_side(probes: list[_Probe]) -> list[list[_Probe]]:
+    """The `probes`, as many together as there are lanes for their steps; one that has more steps is alone."""
+    together: list[list[_Probe]] = []
+    for probe in probes:
+        if not together or sum(len(other.where) for other in together[-1]) + len(probe.where) > BESIDE:
+            together.append([])
+        together[-1].append(probe)
+    return together
+
+
+def _part(product, own: slice):
+    cross, gram, right, clusters = product
+    return cross[:, own], gram[own, own], right[own], clusters[:, own]
+
+
+def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
+    joint, vector = extend(present.joint, present.vector, instance, scales, present.drive)
+    names = [strength.name for strength in instance.strengths]
+    where = [
+        i
+        for i in range(len(present.joint.layout), len(joint.layout))
+        if joint.layout[i].parameter.name in names
+    ]
+    strengths = [joint.layout[i].parameter for i in where]
+    if len(where) == 1:
+        steps = [((where[0],), (size,)) for size in strengths[0].probes]
+    else:
+        steps = [(tuple(where), tuple(p.probes[0] for p in strengths))]
+    return [_Probe(instance, joint, vector, *step) for step in steps]
+
+
+def _promise(present: Present, probe: _Probe, products) -> Promise:
+    joint, vector, where = probe.joint, np.asarray(probe.vector), probe.where
+    old, count, size = len(present.joint.layout), len(joint.layout), len(probe.where)
+    recordings = vector.shape[0] - count
+    # Present parameters (the first `old`), bristle deflections, then the strengths under test.
+    position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
+    candidates, linear, p_value = [], 0.0, 1.0
+    spread, shown, absorbed, valley = np.full(size, np.inf), 0.0, 0.0, vector
+    samples = max(present.samples, 1.0)
+    for number, (weighing, product) in enumerate(zip(present.weighings, products, strict=True)):
+        cross, own, right, clusters = product
+        gram = np.block([[weighing.gram, cross], [cross.T, own + 1e-12 * np.eye(size)]])
+        whole = np.concatenate([weighing.right, right])
+        if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(whole))):
+            continue
+        step = -np.linalg.lstsq(gram, whole, rcond=None)[0]
+        without = -np.linalg.lstsq(weighing.gram, weighing.right, rcond=None)[0]
+        linear = max(linear, float(-(whole @ step) + weighing.right @ without) / samples)
+        for damping in _DAMPING:
+            change = np.zeros(vector.shape[0])
+            change[position] = damping * np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+            candidates.append(vector + change)
+        if number == 0:
+            coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]
+            far, undone = np.asarray(probe.sizes), np.zeros(vector.shape[0])
+            shown = float(far @ own @ far) / samples
+            absorbed = float(far @ cross.T @ coefficients @ far) / samples / max(shown, _NOTHING)
+            undone[position[:-size]] = np.clip(coefficients @ far, -_LONGEST_STEP, _LONGEST_STEP)
+            valley = vector - undone
+            valley[list(where)] += far
+            projected = clusters - weighing.clusters @ coefficients
+            projected = merged(projected, recordings)
+            p_value = _score_test(projected)
+            if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
+                # A strength that cannot be negative is tested on its own side.
+                p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value
+            information = np.linalg.pinv(gram, hermitian=True)[-size:, -size:]
+            spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
+            # What does nothing to these recordings would not be seen at any size.
+            spread = np.where(np.diag(own) > _NOTHING, spread, np.inf)
+    return Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
+
+
+def simulated(present: Present, promised: Sequence[list[Promise]], least: float = 0.0) -> list[list[Trial]]:
+    """The trials of what each of some forms `promised`, best first. Those that come to no more than `least` are not
+    simulated, and have no gain; of the first every candidate is, of the second the undamped ones, of the others none.
+    """
+    blocks = [
+        (number, some)
+        for number, promises in enumerate(promised)
+        for some in lots(_worth_it(promises, least), BESIDE)
+    ]
+    best: list[dict[int, tuple[float, np.ndarray]]] = [{} for _ in promised]
+    runs = present.lanes(
+        ([promised[number][rank].joint for rank, _ in some], [vector for _, vector in some])
+        for number, some in blocks
+    )
+    fitted, batch = np.asarray(present.joint.fitted), present.joint.batch
+    for (number, some), errors in zip(blocks, runs, strict=True):
+        powers = np.asarray(lane_powers(errors, batch))[: len(some)]
+        for (rank, vector), power in zip(some, powers, strict=True):
+            gain = present.misfit - misfit_of(power, fitted, batch)
+            if rank not in best[number] or gain > best[number][rank][0]:
+                best[number][rank] = gain, vector
+    return [
+        [
+            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.joint.setting.start))))
+            for rank, promise in enumerate(promises)
+        ]
+        for promises, found in zip(promised, best, strict=True)
+    ]
+
+
+def _worth_it(promises: list[Promise], least: float) -> list[tuple[int, np.ndarray]]:
+    """Rank and vector of those candidates of one form's `promises` that are simulated."""
+    return [
+        (rank, vector)
+        for rank, promise in enumerate(promises[:2])
+        if promise.linear_gain > max(_HOPELESS, least)
+        for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
+    ]
+
+
+def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
+    free = [promise.joint.layout[i] for i in promise.where]
+    return Trial(
+        effect=promise.form.name,
+        form=promise.form,
+        joint=promise.joint,
+        vector=jnp.asarray(vector),
+        gain=gain,
+        linear_gain=promise.linear_gain,
+        p_value=promise.p_value,
+        one_step={
+            p.parameter.name: float(np.clip(vector[i] * p.scale, p.parameter.lower, p.parameter.upper))
+            for p, i in zip(free, promise.where, strict=True)
+        },
+        detectable={
+            p.parameter.name: float(4.0 * s * p.scale) for p, s in zip(free, promise.spread, strict=True)
+        },
+        shown=promise.shown,
+        absorbed=promise.absorbed,
+        valley=jnp.asarray(promise.valley),
+    )
+
+
+def _score_test(gradients: np.ndarray) -> float:
+    """p-value of "all strengths are zero" from cluster gradients, shape `(c, k)`: Hotelling's T^2 of their mean, robust
+    to what correlates inside a cluster."""
+    used = gradients[np.any(gradients != 0.0, axis=1)]
+    clusters, count = used.shape
+    if clusters <= count + 1 or not np.all(np.isfinite(used)):
+        return 1.0
+    mean = used.mean(axis=0)
+    covariance = np.atleast_2d(np.cov(used, rowvar=False))
+    statistic = clusters * float(mean @ np.linalg.lstsq(covariance, mean, rcond=None)[0])
+    return float(f.sf(statistic * (clusters - count) / (count * (clusters - 1)), count, clusters - count))

@@ -1,0 +1,1 @@
+"""Selection: which effects are named, and how sure that is."""

@@ -1,0 +1,250 @@
+"""Recordings side by side: padded to one length, with masks, noise levels and starting states."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from frictionjax.physics.effects import TEMPERATURES, Before
+from frictionjax.recordings import Recording
+from frictionjax.simulation import Gains
+
+# The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
+_SETTLING = 0.1
+BLOCK = 0.05
+"""Length of a block, s: the likelihood counts blocks, so that one break-away cannot outvote all else."""
+
+
+class AbstractBatch(eqx.Module):
+    """`r` recordings padded to `n` samples (`n` a whole number of blocks), whatever was applied and what answered.
+
+    **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
+    deviation of the noise of the answer), shape `(r,)`; `block` (samples per block); `lengths` (samples of each
+    recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps a
+    sample).
+    """
+
+    x: eqx.AbstractVar[Float[Array, "r n"]]
+    valid: eqx.AbstractVar[Float[Array, "r n"]]
+    dt: eqx.AbstractVar[Float[Array, " r"]]
+    noise: eqx.AbstractVar[Float[Array, " r"]]
+    block: eqx.AbstractVar[int]
+    lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
+    before: eqx.AbstractVar[Before]
+    substeps: eqx.AbstractVar[int]
+
+    def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
+        """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
+        shape = (*squares.shape[:-1], -1, self.block)
+        weight = self.valid.reshape(shape)
+        total = jnp.sum(squares.reshape(shape) * weight, axis=-1)
+        return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
+
+    @property
+    def eased(self) -> Float[np.ndarray, " r"]:
+        """Factor that brings the power of the standardised errors to multiples of that of the noise, shape `(r,)`."""
+        return np.ones(self.x.shape[0])
+
+    @property
+    def block_count(self) -> Float[Array, "r b"]:
+        """Scored samples in each block, shape `(r, n / block)`."""
+        return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+
+
+def rows_of(tree: PyTree, rows: Int[np.ndarray, " k"]) -> PyTree:
+    """These `rows` of every array of a `tree`. By NumPy: no shape is compiled for."""
+
+    def some(leaf):
+        return leaf[rows] if isinstance(leaf, np.ndarray) else jnp.asarray(np.asarray(leaf)[rows])
+
+    return jax.tree.map(some, tree)
+
+
+class Batch(AbstractBatch):
+    """Recordings of an applied input and of the position that answers.
+
+    **Attributes:** beside those of every batch `u` (input units), shape `(r, n)`, and position and velocity at the
+    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position; `substeps`: integration steps a sample.
+    """
+
+    u: Float[Array, "r n"]
+    x: Float[Array, "r n"]
+    valid: Float[Array, "r n"]
+    dt: Float[Array, " r"]
+    noise: Float[Array, " r"]
+    x0: Float[Array, " r"]
+    v0: Float[Array, " r"]
+    block: int = eqx.field(static=True)
+    lengths: Int[np.ndarray, " r"]
+    before: Before
+    substeps: int = eqx.field(static=True, default=1)
+
+    def each(self, function: Callable, gains: Gains, deflection: Float[Array, " r"], *more):
+        """`function` of every recording, side by side.
+
+        **Arguments:**
+
+        - `function`: called with the input and the position, shape `(n,)`, the time step (s), the observer's gains, and
+          where it starts: `(x, v, z, before)`; then with the rows of `more`.
+        - `gains`: of the observer, one per recording, shape `(r,)`.
+        - `deflection`: of the bristle at the first sample, position units, shape `(r,)`.
+        - `more`: further arrays of leading size `r`.
+        """
+
+        def one(u, x, dt, gains, x0, v0, z0, before, *more):
+            return function(u, x, dt, gains, (x0, v0, z0, before), *more)
+
+        return jax.vmap(one)(self.u, self.x, self.dt, gains, self.x0, self.v0, deflection, self.before, *more)
+
+
+def white_level(values: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of the white noise of `values`, in their unit, from fourth differences.
+
+    `std(diff(values, 4)) / sqrt(70)` is blind to smooth motion; its median over short stretches is blind to impacts.
+    """
+    differences = np.diff(values, 4)
+    stretch = min(max(differences.size // 200, 50), differences.size)
+    usable = differences[: differences.size // stretch * stretch].reshape(-1, stretch)
+    # Fourth differences of white noise are correlated: a stretch holds stretch / 2.626 free ones, and the median of a
+    # chi-square with that many degrees of freedom is a little below its mean (Wilson and Hilferty).
+    below = (1.0 - 2.0 / (9.0 * stretch / 2.626)) ** 3
+    return float(np.sqrt(np.median(np.mean(usable**2, axis=1)) / 70.0 / below))
+
+
+def noise_level(recording: Recording, encoder_step: float | None = None) -> float:
+    """Standard deviation of the position noise, position units: its `white_level`, but not below what the quantisation
+    alone leaves, step / sqrt(12)."""
+    if encoder_step is None:
+        jumps = np.abs(np.diff(recording.x))
+        jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
+        encoder_step = float(np.min(jumps)) if jumps.size else 0.0
+    # A machine that never moves, under an encoder of unknown step, shows neither noise nor step.
+    smallest = max(1e-9 * float(np.max(np.abs(recording.x))), 1e-12)
+    return max(white_level(recording.x), encoder_step / np.sqrt(12.0)) or smallest
+
+
+def least_samples(sample_rate: float) -> int:
+    """Samples that a recording must have to be scored at all: the observer's settling and two blocks."""
+    return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
+
+
+_LEAST_RATE = 1000.0  # integration steps a second, Hz, or a tenth less
+_PIECES = 16  # into which a recording is cut for what came before the others
+
+
+def what_was_before(recordings: tuple[Recording, ...]) -> Before:
+    """What came before each of the `recordings`, as their starting times on one clock tell: arrays of shape `(r,)`, and
+    `(r, k)` for the paths travelled before.
+
+    Recordings that all start at zero share no clock: then nothing is known of what was before.
+    """
+    starts = np.array([r.start_time for r in recordings])
+    ends = starts + np.array([r.duration for r in recordings])
+    paths, when = [], []
+    for recording in recordings:
+        pieces = np.array_split(recording.x, _PIECES)
+        paths += [_path(piece) for piece in pieces]
+        when += [recording.start_time + recording.duration * (k + 0.5) / _PIECES for k in range(_PIECES)]
+    ago = starts[:, None] - np.array(when)[None, :]
+    shared = np.unique(starts).size > 1
+    earlier = (ago > 0.0) & shared
+    rest = [min((s - e for e in ends if e <= s + 1e-9), default=s) if shared else 1.0 for s in starts]
+    return Before(
+        clock=jnp.asarray(starts),
+        rest=jnp.asarray(np.maximum(rest, 0.0)),
+        path=jnp.asarray(np.where(earlier, np.array(paths)[None, :], 0.0)),
+        age=jnp.asarray(np.where(earlier, ago, 0.0)),
+        duration=jnp.asarray([r.duration for r in recordings]),
+        temperature=jnp.asarray(_temperatures(recordings)),
+    )
+
+
+def _temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
+    """Measured temperatures as in `Before`, shape `(r, TEMPERATURES)`; zeros unless every recording has them."""
+    if any(r.temperature is None for r in recordings):
+        return np.zeros((len(recordings), TEMPERATURES))
+    first = min(recordings, key=lambda r: r.start_time)
+    kept = []
+    for recording in recordings:
+        pieces = np.array_split(np.asarray(recording.temperature), 4 * (TEMPERATURES - 1))
+        means = np.array([piece.mean() for piece in pieces])
+        middle = (np.arange(means.size) + 0.5) / means.size
+        kept.append(np.interp(np.linspace(0.0, 1.0, TEMPERATURES), middle, means))
+    return np.array(kept) - kept[recordings.index(first)][0]
+
+
+def _path(x: np.ndarray) -> float:
+    """Length of the way that `x` goes, position units, seen every twentieth of a second's worth of samples."""
+    return float(np.sum(np.abs(np.diff(x[:: max(x.size // 200, 1)]))))
+
+
+def block_of(recordings: tuple[Recording, ...]) -> int:
+    """Samples in a block of the `recordings`."""
+    return max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
+
+
+def side_by_side(channels: Sequence[np.ndarray], block: int) -> Float[np.ndarray, "r n"]:
+    """One channel of each recording, padded to one length, a whole number of blocks of `block` samples.
+
+    Padding repeats the last value: finite, at rest, and to be masked (NaN would poison derivatives). Lengths go by
+    sixteenths of an octave: cases of nearly one length share one compiled program, for 2 % more samples in the mean.
+    """
+    blocks = -(-max(channel.size for channel in channels) // block)
+    step = 1 << max(blocks.bit_length() - 5, 0)
+    padded = -(-blocks // step) * step * block
+    return np.stack([np.pad(channel, (0, padded - channel.size), mode="edge") for channel in channels])
+
+
+def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
+    """Put force-driven `recordings` side by side in a `Batch`, with so many integration steps a sample that none is
+    much longer than 1 ms: bristles that ring between two samples of a slow recorder are part of the machine, too.
+
+    **Raises:** `ValueError` when one of them is shorter than the observer's settling and two blocks, 0.2 s.
+    """
+    for recording in recordings:
+        if recording.x.size < least_samples(recording.sample_rate):
+            raise ValueError(
+                f"Recording `{recording.name}` has {recording.x.size} samples; at {recording.sample_rate:g} Hz "
+                f"{least_samples(recording.sample_rate)} are the least: leave it out."
+            )
+    block = block_of(recordings)
+    x = side_by_side([r.x for r in recordings], block)
+    valid = np.zeros(x.shape)
+    x0, v0 = [], []
+    for row, recording in enumerate(recordings):
+        valid[row, round(_SETTLING * recording.sample_rate) : recording.x.size] = 1.0
+        head = recording.x[: max(round(0.01 * recording.sample_rate), 10)]
+        slope, level = np.polyfit(np.arange(head.size) / recording.sample_rate, head, 1)
+        x0.append(float(level))
+        v0.append(float(slope))
+    noise = [noise_level(r, encoder_step) for r in recordings]
+    # A start at rest is the rule; a slope that the noise explains is no motion.
+    rates = [r.sample_rate for r in recordings]
+    v0 = [
+        v if abs(v) > 10.0 * s * rate / max(round(0.01 * rate), 10) ** 1.5 else 0.0
+        for v, s, rate in zip(v0, noise, rates, strict=True)
+    ]
+    x0 = [
+        float(np.mean(r.x[: max(round(0.01 * r.sample_rate), 10)])) if v == 0.0 else x
+        for r, x, v in zip(recordings, x0, v0, strict=True)
+    ]
+    return Batch(
+        u=jnp.asarray(side_by_side([r.u for r in recordings], block)),
+        x=jnp.asarray(x),
+        valid=jnp.asarray(valid),
+        dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
+        noise=jnp.asarray(noise),
+        x0=jnp.asarray(x0),
+        v0=jnp.asarray(v0),
+        block=block,
+        lengths=np.array([r.x.size for r in recordings]),
+        before=what_was_before(recordings),
+        substeps=max(math.ceil(_LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
+    )
+
+
+CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces

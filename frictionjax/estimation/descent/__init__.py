@@ -1,0 +1,1 @@
+"""Descent: the ways down an objective."""

@@ -1,0 +1,1 @@
+"""Objective: what a fit brings down, its slope and curvature."""

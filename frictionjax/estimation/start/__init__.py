@@ -1,0 +1,1 @@
+"""Start: starting values read off the recordings."""

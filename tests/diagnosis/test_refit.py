@@ -1,0 +1,128 @@
+"""Refits: where they begin."""
+
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
+from helpers_plants import effect
+
+from frictionjax.diagnosis.evidence.comparison import compare
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.refitting.refit import refit_all, uncoupled
+from frictionjax.diagnosis.refitting.shortlist import hidden_in_the_base
+from frictionjax.diagnosis.screening.linearised import present_model
+from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.descent.robust import descend
+from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.scales import plant_scales
+from frictionjax.physics.effects import catalogue
+
+GROWTH, QUIET = 0.1, 0.03
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
+    """Motor inertia, stiffness and damping stay what they were when a load of 0.3 of the whole is hung behind a gap; a
+    known inertia is that of the whole."""
+    batch = make_batch((open_loop("stick", stick_noise(), seed=1),), encoder_step=FINE)
+    joint, vector = make_joint(PLANT, batch, np.array([False]), known_inertia=known)
+    joint, vector = extend(joint, vector, effect("Backlash"), plant_scales(PLANT, batch))
+    place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "ratio")
+    hung = uncoupled(joint, vector.at[place].set(0.3 / joint.layout[place].scale))
+    drive = joint.drive(hung)
+    side = drive.load_side
+    assert side is not None and float(side.ratio) == pytest.approx(0.3, rel=1e-12)
+    factor = 1.0 if known else 1.0 / 0.7
+    assert float(drive.J) == pytest.approx(factor * float(PLANT.J), rel=1e-9)
+    for name in ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs"):
+        assert float(getattr(drive.friction, name)) == pytest.approx(
+            float(getattr(PLANT.friction, name)), rel=1e-9
+        ), name
+    assert bool(jnp.all(jnp.isfinite(hung)))
+
+
+def _masked(form, absorbed, shown):
+    return SimpleNamespace(form=type(form, (), {})(), absorbed=absorbed, shown=shown)
+
+
+def test_what_would_show_and_can_be_undone_is_hidden_in_the_base():
+    trials = [
+        _masked("Plain", 0.95, 2.0),
+        _masked("Plain", 0.97, 3.0),
+        _masked("TooSmall", 0.99, 0.5),
+        _masked("Shows", 0.85, 50.0),
+    ]
+    assert hidden_in_the_base(trials) == [trials[1]]
+    many = [_masked(f"Form{k}", 0.91 + 0.01 * k, 2.0) for k in range(8)]
+    assert [t.absorbed for t in hidden_in_the_base(many)] == pytest.approx([0.98, 0.97, 0.96, 0.95, 0.94])
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """A machine whose friction grows with the load, moved by a servo, and the base model that is fitted to it; tests of
+    two effects beside it."""
+    machine = PLANT.with_effects(effect("LoadDependence", growth=GROWTH))
+    recordings = tuple(
+        closed_loop(f"moves_{k}", moves(3.0, ends), seed=k, drive=machine, noise=QUIET * NOISE)
+        for k, ends in enumerate([(0.3, -0.1, 0.02), (-0.2, 0.25, 0.1)])
+    )
+    batch = make_batch(recordings, encoder_step=QUIET * FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(2, bool))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    fitted = descend(slow, vector)
+    model = Model(slow, fitted, judge(slow, fitted))
+    scales = plant_scales(model.judgement.drive, batch)
+    present = present_model(joint, fitted.vector)
+    tried = {
+        name: try_form(present, forms_to_try(catalogue()[name][0], scales, {}), scales)
+        for name in ("load_dependence", "delay")
+    }
+    return model, scales, present, tried
+
+
+@pytest.mark.parametrize("name", ["Ripple", "PeriodicPositionDependence"])
+def test_what_is_periodic_is_seen_to_repeat(driven, name):
+    """Once alone; twice beside another force, if it is a force. What is not periodic does not count."""
+    judged = driven[0].judgement
+    floor = np.ones_like(judged.power)
+    x = np.asarray(judged.batch.x)[np.asarray(judged.batch.valid) > 0.0]
+
+    def seen(waves, *others):
+        effects = (*(effect(other) for other in others), effect(name, period=np.ptp(x) / waves))
+        after = eqx.tree_at(lambda j: j.drive, judged, judged.drive.with_effects(*effects))
+        return compare(judged, after, floor).repeats
+
+    for waves, alone, beside in ((0.9, False, False), (1.1, True, False), (2.1, True, True)):
+        assert seen(waves) == seen(waves, "LoadDependence") == alone
+        assert seen(waves, "GravityPendulum") == (beside if name == "Ripple" else alone)
+
+
+def test_the_valley_undoes_what_a_step_does(driven):
+    """As the regression says, by simulation: to first order, of the smaller of two steps."""
+    _, scales, present, tried = driven
+    trial = min(tried["load_dependence"], key=lambda t: t.shown)
+    joint, base = extend(present.joint, present.vector, trial.form, scales)
+    place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "growth")
+    plain, stepped, undone = joint.errors([base, base.at[place].set(trial.valley[place]), trial.valley])
+    shown, left = (float(jnp.mean((errors - plain) ** 2)) for errors in (stepped, undone))
+    assert trial.absorbed > 0.999
+    assert left < 0.05 * shown
+
+
+def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driven):
+    model, scales, _, tried = driven
+    assert float(model.judgement.drive.J) > 1.08 * float(PLANT.J)
+    other = max(tried["delay"], key=lambda t: t.gain)
+    absorbed = hidden_in_the_base(tried["load_dependence"])
+    with ThreadPoolExecutor(1) as executor:
+        found = refit_all([other], model, scales, executor, None, absorbed)
+    best = min(found, key=lambda r: r.model.fitted.misfit)
+    assert best.effect == "load_dependence"
+    assert float(best.model.judgement.drive.effects[-1].growth) == pytest.approx(GROWTH, rel=0.02)
+    assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)

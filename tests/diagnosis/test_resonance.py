@@ -1,0 +1,36 @@
+"""A second inertia shows in the data before any model."""
+
+import numpy as np
+import pytest
+from helpers_estimation import RATE, open_loop
+from helpers_plants import effect
+
+from frictionjax.diagnosis.screening.resonance import resonance_pair
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.physics import Drive, LuGre
+
+LIGHT = LuGre(sigma0=60.0, sigma1=0.3, sigma2=0.05, Fc=0.02, Fs=0.025, vs=1.0)
+"""Friction that a hundred times its force moves past."""
+
+
+def _recorded(drive):
+    u = np.random.default_rng(5).standard_normal(16_000)
+    return make_batch((open_loop("noise", 3.0 * u, seed=1, drive=drive, noise=1e-7, substeps=2),))
+
+
+def test_the_pair_of_two_inertias_is_found():
+    coupled = Drive(0.01, LIGHT).with_effects(
+        effect("FlexibleTransmission", ratio=0.5, frequency=50.0, damping=0.02)
+    )
+    pair = resonance_pair(_recorded(coupled), np.arange(1))
+    assert RATE == 2000.0
+    assert pair is not None
+    assert pair.frequency == pytest.approx(50.0, abs=1.25)
+    assert pair.ratio == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_slow_sine_shows_no_pair():
+    t = np.arange(16_000) / RATE
+    slow = np.sin(2.0 * np.pi * 0.5 * t)
+    batch = make_batch((open_loop("slow", slow, seed=1, drive=Drive(0.01, LIGHT), noise=1e-7),))
+    assert resonance_pair(batch, np.arange(1)) is None

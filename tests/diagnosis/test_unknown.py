@@ -1,0 +1,106 @@
+"""What no effect of the catalogue explains, what the recordings cannot show, and why an effect was not named."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from helpers_diagnosis import fake_diagnosis
+from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
+
+from frictionjax.core import InputError, silent
+from frictionjax.diagnosis.base_model.fit_base import fit_base
+from frictionjax.diagnosis.findings.next_experiment import plain_experiments
+from frictionjax.diagnosis.findings.residual_map import residual_model
+from frictionjax.diagnosis.intake.coverage import missing_needs, not_testable
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionLevelMap
+from frictionjax.recordings import Case, Plant
+
+HEIGHTS = (0.0, 0.0, 0.05, 0.15, 0.25, 0.3, 0.3, 0.25, 0.15, 0.05, 0.0, 0.0)
+BUMP = {f"h{k}": height for k, height in enumerate(HEIGHTS)} | {"middle": 0.05, "half": 0.05}
+"""Friction that is up to 30 % higher over half a tenth of a radian, in the middle of the stroke."""
+
+
+@pytest.mark.parametrize("form", MAPS.values(), ids=lambda form: form.__name__)
+def test_a_map_is_linear_between_its_knots_and_constant_beyond(form):
+    heights = {f"h{k}": float(k * k) for k in range(KNOTS)}
+    made = form(**heights, middle=2.0, half=1.1)
+    knots = np.linspace(0.9, 3.1, KNOTS)
+    np.testing.assert_allclose(made.at(knots), np.arange(KNOTS) ** 2.0, rtol=1e-12)
+    np.testing.assert_allclose(made.at(np.array([-5.0, 9.0])), [0.0, (KNOTS - 1) ** 2.0], rtol=1e-12)
+    np.testing.assert_allclose(made.at(0.5 * (knots[3] + knots[4])), 12.5, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_bump_along_the_stroke_is_mapped_and_predicts_what_was_kept_aside():
+    plant = PLANT.with_effects(PositionLevelMap(**BUMP))
+    there = closed_loop("there", moves(4.0, (0.12, -0.02, 0.1, 0.0), (0.5,) * 4), seed=2, drive=plant)
+    back = closed_loop("back", moves(4.0, (0.1, 0.0, 0.11, 0.01), (0.6,) * 4), seed=3, drive=plant)
+    recordings = (open_loop("stick", stick_noise(2.0), seed=1, drive=plant), there, back)
+    batch = make_batch(recordings, encoder_step=FINE)
+    with ThreadPoolExecutor(2) as executor:
+        base = fit_base((PLANT,), batch, np.array([False, False, True]), executor, silent)
+        found = residual_model(base, np.ones((1, 1)), executor)
+    assert found is not None and found.helps
+    assert found.variable == "position (friction level)"
+    assert found.compared.share_fit > 0.5 and found.compared.share_holdout > 0.3
+    shape = found.model.judgement.drive.effects[-1]
+    x = np.linspace(0.0, 0.1, 201)
+    # What the base model may take over itself: a level that is the same everywhere.
+    seen, true = np.asarray(shape.at(x)), np.asarray(PositionLevelMap(**BUMP).at(x))
+    assert np.corrcoef(seen, true)[0, 1] > 0.9
+
+
+def case(*recordings, unit="rad"):
+    plant = Plant(motor_constant=1.0, position_unit=unit, encoder_step=FINE)
+    return Case("case", plant, tuple(recordings))
+
+
+def test_what_the_recordings_cannot_show_is_told():
+    stick, wide = open_loop("stick", stick_noise(2.0), seed=1), closed_loop("wide", moves(3.0), seed=2)
+    lacking, _ = not_testable(case(stick), make_batch((stick,), encoder_step=FINE))
+    assert "slides" in lacking["friction_lag"] and "creep" not in lacking
+    assert "warmup" in lacking
+    both = case(stick, wide, unit="m")
+    assert set(missing_needs(both, make_batch((stick, wide), encoder_step=FINE))) >= {"angle"}
+    told, _ = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
+    assert "friction_lag" not in told and "radian" in told["gravity_pendulum"]
+    assert "warmup" in told
+
+
+def test_a_form_that_cannot_be_seen_does_not_bar_the_others():
+    once, twice = closed_loop("early", moves(3.0), seed=2), closed_loop("late", moves(3.0), seed=3)
+    clocked = once, dataclasses.replace(twice, start_time=60.0)
+    told, forms = not_testable(case(*clocked), make_batch(clocked, encoder_step=FINE))
+    assert "warmup" not in told and forms == {"WarmupByTemperature"}
+    warm = tuple(dataclasses.replace(r, temperature=20.0 + np.linspace(0.0, 5.0, r.x.size)) for r in clocked)
+    _, forms = not_testable(case(*warm), make_batch(warm, encoder_step=FINE))
+    assert not forms
+
+
+def test_experiments_stay_below_or_go_beyond_break_away_as_their_names_say():
+    made = plain_experiments(0.5, 1000.0)
+    assert {u.shape for u in made.values()} == {(4000,)}
+    peaks = {name: float(np.max(np.abs(u))) for name, u in made.items()}
+    assert all(peak < 0.5 for name, peak in peaks.items() if "below break-away" in name or "held" in name)
+    assert all(peak > 0.5 for name, peak in peaks.items() if "through" in name or "twice" in name)
+
+
+def test_why_an_effect_was_or_was_not_named():
+    found = fake_diagnosis()
+    assert found.explain("maxwell_slip").startswith("maxwell_slip is named: p = 1e-12")
+    assert "is not named: less than the noise (p = 0.3" in found.explain("creep")
+    assert "removes 1 % of the misfit on the fitted and -2 % on the held-out" in found.explain("creep")
+    assert "cannot be judged from these recordings: needs a second encoder" in found.explain("backlash")
+    with pytest.raises(
+        InputError, match=r"'wear' is no effect of the catalogue.*Give one of: backlash, creep"
+    ):
+        found.explain("wear")
+
+
+def test_an_effect_of_the_class_is_told_with_the_experiment():
+    found = fake_diagnosis()
+    row = dataclasses.replace(found.candidates[0], effect="elasto_plastic")
+    text = dataclasses.replace(found, candidates=(row,)).explain("elasto_plastic")
+    assert "cannot tell it from maxwell_slip. nested triangles" in text

@@ -1,0 +1,391 @@
+"""The verdict: when a candidate may be named, what is said of it, and in which words."""
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers_diagnosis import fake_recording
+from helpers_plants import TABLE_I
+
+from frictionjax.core import Estimate, InputError
+from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis.diagnose import _missing, _unexplained
+from frictionjax.diagnosis.evidence.comparison import Compared
+from frictionjax.diagnosis.findings.candidates import candidates
+from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, evidence_of
+from frictionjax.diagnosis.selection.decide import LEAST_SHARE, SIGNIFICANCE, acceptable
+from frictionjax.diagnosis.selection.verdict_rule import most_left, verdict_of
+from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
+from frictionjax.estimation.parameters import effect_layout
+from frictionjax.physics import catalogue
+from frictionjax.recordings import Case, Plant, Recording
+
+BINS = (
+    MismatchBin("regime", "stick", 0.2, 2.0, 1.05, 5000),
+    MismatchBin("regime", "sliding", 0.8, 30.0, 1.2, 9000),
+)
+FLOOR = np.ones((1, 1))
+
+
+def _judged(fit, holdout=None, chance=0.0):
+    """A judgement with these misfits against any floor, to which `chance` may add so much."""
+    misfits = (fit, fit if holdout is None else holdout)
+    return SimpleNamespace(
+        misfits=lambda floor: misfits,
+        within=lambda floor, most: (misfits[0] < most + chance, misfits[1] < most + chance),
+        misfit_errors=lambda: (0.0, 0.0),
+        power=2.0 * np.exp(2.0 * np.array(misfits))[:, None] - 1.0,
+        held_out=np.array([False, True]),
+        batch=SimpleNamespace(block_count=np.ones((2, 1))),
+    )
+
+
+def _steps(before, *after, one_law=False):
+    """Rounds of a selection: each accepts the next judgement, and the last one nothing; of what is accepted there is
+    `one_law`, or not."""
+    form = SimpleNamespace(about=SimpleNamespace(one_law=one_law))
+    ends = [before, *after]
+    steps = []
+    for number, (one, other) in enumerate(itertools.pairwise(ends)):
+        accepted = SimpleNamespace(
+            effect=f"effect {number}",
+            model=SimpleNamespace(judgement=other),
+            trial=SimpleNamespace(form=form),
+        )
+        shares = [1.0 - new / old for old, new in zip(one.misfits(FLOOR), other.misfits(FLOOR), strict=True)]
+        steps.append(
+            SimpleNamespace(
+                before=SimpleNamespace(judgement=one),
+                floor=FLOOR,
+                accepted=accepted,
+                together=False,
+                refits=[accepted],
+                compared=[_compared(*shares)],
+            )
+        )
+    last = SimpleNamespace(
+        before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None, together=False
+    )
+    return [*steps, last]
+
+
+def test_a_base_model_at_the_noise_is_adequate():
+    assert verdict_of(_steps(_judged(0.004))) == ("adequate", (False, 0.0))
+    assert _unexplained("adequate", (False, 0.0), BINS, None) == Unexplained(False, 0.0, "")
+
+
+def test_what_explains_nearly_all_is_named():
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.004, 0.006)))
+    assert verdict == "named"
+    assert left == (False, pytest.approx(0.02))
+    assert _unexplained(verdict, left, BINS, None).where == ""
+
+
+def test_what_explains_most_is_named_and_the_rest_is_told():
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.04, 0.06)))
+    assert verdict == "named"
+    assert left == (True, pytest.approx(0.2))
+    assert _unexplained(verdict, left, BINS, None).where == "sliding"
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.075, "named"), (0.105, "unknown")])
+def test_what_explains_two_thirds_is_no_name(left, verdict):
+    """On the held-out recordings: 75 % of their misfit, or 65 %."""
+    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left)))
+    assert found == verdict
+    assert rest == (True, pytest.approx(left / 0.3))
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.027, "named"), (0.033, "unknown")])
+def test_where_there_is_one_law_a_tenth_is_something_else(left, verdict):
+    """A delay is a delay: what it leaves is not its form."""
+    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left), one_law=True))
+    assert found == verdict
+    assert rest == (True, pytest.approx(left / 0.3))
+
+
+@pytest.mark.parametrize(("one_law", "left"), [(False, 0.03), (True, 0.012)])
+def test_two_effects_must_leave_less_than_one(one_law, left):
+    """They have more ways to stand in for another."""
+    for beyond, verdict in ((0.99, "named"), (1.01, "unknown")):
+        steps = _steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.0, beyond * left), one_law=one_law)
+        assert verdict_of(steps)[0] == verdict
+
+
+def test_one_of_many_laws_among_several_allows_for_its_form():
+    """A delay beside a creep."""
+    forms = catalogue()
+    delay, creep = forms["delay"][0](), forms["creep"][0]()
+    assert most_left([delay]) < most_left([creep])
+    assert most_left([delay, creep]) == most_left([creep, creep]) > most_left([delay, delay])
+
+
+def test_two_effects_explain_together():
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
+    assert verdict == "named"
+    assert left == (False, pytest.approx(0.004 / 0.3))
+
+
+def test_what_brings_held_out_recordings_to_the_noise_is_significant():
+    """Two seconds of fast motion in a minute have few clusters to be tested in."""
+    weak = 10.0 * SIGNIFICANCE
+    assert acceptable(_compared(0.9, 0.95), _judged(0.05), FLOOR, weak)[0]
+    assert acceptable(_compared(0.5, 0.95), _judged(0.002, 0.05), FLOOR, weak)[0]
+    # Most of the way is enough, too.
+    assert acceptable(_compared(0.9, 0.65), _judged(0.05), FLOOR, weak)[0]
+    # Not what leaves much, nor what only the fitted recordings show.
+    for shares in ((0.9, 0.55), (0.55, 0.7)):
+        assert not acceptable(_compared(*shares), _judged(0.05), FLOOR, weak)[0]
+    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.005), FLOOR, weak)[0]
+    # Nor what chance may have raised above the noise in a short recording.
+    assert acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018), FLOOR, weak)[0]
+    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018, chance=0.01), FLOOR, weak)[0]
+
+
+@pytest.mark.parametrize("p_value", [1e-9, 1.0])
+def test_what_the_fitted_recordings_do_not_ask_for_is_not_named(p_value):
+    """Of a misfit below the floor a share is no number to go by: held-out recordings alone would name it."""
+    before, shares = _judged(-0.0076, 0.063), (1.73, 0.83)
+    assert acceptable(_compared(*shares, leads=(2.1, 3.0)), before, FLOOR, p_value)[0]
+    may, why = acceptable(_compared(*shares, leads=(-2.1, 3.0)), before, FLOOR, p_value)
+    assert not may and "fitted" in why
+
+
+@pytest.mark.parametrize("holdout", [0.25, 0.31])
+def test_what_fails_on_held_out_recordings_is_not_named(holdout):
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))
+    assert verdict == "unknown"
+    assert left == (True, pytest.approx(min(holdout / 0.3, 1.0)))
+
+
+def test_nothing_accepted_is_unknown():
+    verdict, left = verdict_of(_steps(_judged(0.4, 0.3)))
+    assert verdict == "unknown"
+    assert _unexplained(verdict, left, BINS, None) == Unexplained(True, 1.0, "sliding")
+
+
+def test_a_parameter_that_was_left_open_is_no_missing_physics():
+    """The fitted recordings are at the noise, the others are not, and one set of parameters predicts all."""
+    steps = _steps(_judged(0.002, 0.3))
+    steps[0].together = True
+    assert verdict_of(steps) == ("adequate", (False, 0.0))
+
+
+def test_held_out_recordings_alone_can_tell_that_something_is_missing():
+    assert verdict_of(_steps(_judged(0.002, 0.3)))[0] == "unknown"
+
+
+@pytest.mark.parametrize("helps", [True, False])
+def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
+    residual = SimpleNamespace(variable="velocity", helps=helps, compared=_compared(0.5, 0.4))
+    found = _unexplained("unknown", (True, 1.0), BINS, residual)
+    if helps:
+        assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
+    else:
+        assert found == Unexplained(True, 1.0, "sliding")
+
+
+def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0, leads=(3.0, 3.0), repeats=True):
+    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, *leads, repeats)
+
+
+def test_evidence_of_two_effects():
+    """The whole, and each effect where it was found."""
+    first, second = evidence_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.12), _judged(0.02, 0.03)))
+    assert first.whole == second.whole == pytest.approx(0.9)
+    assert first.own == pytest.approx(0.5) and second.own == pytest.approx(0.75)
+    assert first.energy == second.energy > 0.9
+    assert first.lead == pytest.approx(0.5 + 0.6) and second.lead == pytest.approx(0.9 + 0.75)
+
+
+def test_confidence_is_the_logistic_of_its_features():
+    logits = np.log([4.0, 3.0, 9.0])
+    odds = np.exp(BIAS + np.dot(np.array(WEIGHTS)[[0, 1, 3]], logits) + WEIGHTS[2] * 0.5)
+    assert Evidence(0.8, 0.75, 0.5, 0.9).confidence == pytest.approx(odds / (1.0 + odds), rel=1e-12)
+    # More of anything makes no name less likely; nothing is certain.
+    assert Evidence(0.9, 0.75, 0.5, 0.9).confidence >= Evidence(0.8, 0.75, 0.5, 0.9).confidence
+    assert Evidence(1.3, 1.2, 9.0, 2.0).confidence < 1.0 and Evidence(-2.0, -1.0, -1.0, 0.0).confidence > 0.0
+
+
+def test_a_candidate_must_explain_fit_and_held_out_recordings():
+    before = _judged(0.4)
+    assert acceptable(_compared(0.9, 0.8), before, FLOOR, 1e-6) == (True, "")
+    enough = LEAST_SHARE + 0.01
+    assert acceptable(_compared(enough, enough), before, FLOOR, 1e-6)[0]
+    for shares in ((0.9, LEAST_SHARE - 0.01), (LEAST_SHARE - 0.01, 0.9), (0.9, -0.5)):
+        accepted, reason = acceptable(_compared(*shares), before, FLOOR, 1e-6)
+        assert not accepted
+        expected = f"({100 * shares[0]:.0f} % on the fit, {100 * shares[1]:.0f} % on the held-out recordings)"
+        assert reason == f"explains too little {expected}"
+
+
+def test_a_candidate_must_be_significant():
+    accepted, reason = acceptable(_compared(0.9, 0.55), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
+    assert not accepted
+    assert reason == "not significant (p = 0.01)"
+    # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
+    for leads, enough in (((4.5, 2.5), True), ((3.4, 2.9), True), ((9.0, 1.5), False), ((3.0, 2.5), False)):
+        led = _compared(0.9, 0.55, leads=leads)
+        assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
+
+
+def test_what_is_periodic_must_be_seen_to_repeat():
+    refused = acceptable(_compared(0.95, 0.95, repeats=False), _judged(0.4), FLOOR, 1e-9)
+    assert refused == (False, "its period is too long to be seen to repeat along the stroke")
+
+
+def test_far_from_the_noise_a_share_of_the_power_is_enough():
+    candidate = _compared(0.1, 0.08, energy_fit=0.9, energy_holdout=0.85)
+    assert acceptable(candidate, _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(candidate, _judged(0.4, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(_compared(0.1, -0.01, 0.9, 0.85), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+    assert not acceptable(_compared(0.1, 0.08, 0.9, 0.6), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+
+
+def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure delay between input and force"):
+    return MissingEffect(effect, effect_class, 0.97, 1e-9, {}, "stick", "", sentence)
+
+
+NOTHING = Unexplained(False, 0.0, "")
+
+
+def test_an_adequate_model_is_told_in_one_sentence():
+    found = summary_sentence("adequate", (), NOTHING, "nowhere above the noise", (fake_recording(n=200),))
+    assert found == "Nothing significant is missing: the base model explains the recordings to the noise."
+
+
+def test_the_named_effect_its_place_and_the_held_out_error_are_told():
+    fits = (fake_recording("a", role="fit", n=400), fake_recording("kept", n=400))
+    found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits)
+    base, extended = fits[1].prediction_rmse_base, fits[1].prediction_rmse_extended
+    assert found == (
+        "Left out: a pure delay between input and force. It acts in: stick (80 %). On the held-out recording kept "
+        f"the error 0.1 s ahead falls from {base:.3g} to {extended:.3g} (noise 1.1e-07)."
+    )
+
+
+def test_what_cannot_be_told_apart_is_told_too():
+    effect = _missing_effect(effect_class=("delay", "drive_lag"))
+    found = summary_sentence("named", (effect,), NOTHING, "stick", (fake_recording(n=200),))
+    assert "a pure delay between input and force (these recordings cannot tell it from drive_lag)" in found
+
+
+def test_several_effects_are_told_together():
+    effects = (_missing_effect(), _missing_effect("constant_load", ("constant_load",), "a constant force"))
+    found = summary_sentence("named", effects, NOTHING, "stick", (fake_recording(n=200),))
+    assert found.startswith("Left out: a pure delay between input and force; a constant force.")
+
+
+def test_the_unknown_is_told_with_its_place():
+    found = summary_sentence("unknown", (), Unexplained(True, 1.0, "sliding"), "sliding (90 %)", ())
+    assert (
+        found
+        == "Something is missing that no effect of the catalogue explains. The mismatch is in: sliding (90 %)."
+    )
+    part = summary_sentence("unknown", (_missing_effect(),), Unexplained(True, 0.6, "sliding"), "sliding", ())
+    assert part.endswith("More is missing (60 % of the misfit) that the catalogue does not explain.")
+
+
+def _trial(form, **more):
+    values = {"p_value": 1e-7, "gain": 0.3, "detectable": {}, "one_step": {}} | more
+    return SimpleNamespace(effect=form.name, form=form(), linear_gain=0.0, **values)
+
+
+def _refitted(form):
+    """A candidate that was refitted, as `Refitted` would hold it, and its trial."""
+    drive, trial = TABLE_I.with_effects(form()), _trial(form)
+    joint = SimpleNamespace(
+        layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), setting=SimpleNamespace(drive=drive)
+    )
+    model = SimpleNamespace(joint=joint, judgement=_judged(0.02))
+    return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
+
+
+def test_a_missing_effect_carries_its_class_and_its_parameters():
+    form = catalogue()["delay"][0]
+    accepted, trial = _refitted(form)
+    shares = [_compared(0.9, 0.8)]
+    rest = {"trials": [trial], "refits": [accepted], "compared": shares, "floor": FLOOR}
+    rest["before"] = SimpleNamespace(judgement=_judged(0.4))
+    step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), **rest)
+    extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
+    (found,) = _missing([step], extended, "stick", {})
+    assert found.effect_class == ("delay", "drive_lag")
+    assert found.parameters == {"delay": extended["delay"]}
+    assert found.confidence == pytest.approx(Evidence(*found.evidence).confidence, abs=1e-3)
+    assert found.evidence == evidence_of([step])[0]
+    assert found.split_by == form.about.split_by
+    assert found.sentence == form.about.sentence
+    designed = SimpleNamespace(sentence="To tell delay from drive_lag: a sine.")
+    assert _missing([step], extended, "stick", {"delay": designed})[0].split_by == designed.sentence
+    alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
+    assert _missing([alone], extended, "stick", {})[0].split_by == ""
+
+
+def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
+    delay, load, ripple, pendulum = (
+        catalogue()[name][0] for name in ("delay", "constant_load", "ripple", "gravity_pendulum")
+    )
+    (accepted, trial), (refused, other) = _refitted(delay), _refitted(load)
+    trials = [
+        trial,
+        other,
+        _trial(ripple, p_value=0.4),
+        _trial(ripple, p_value=0.5, gain=0.1),
+        _trial(pendulum),
+    ]
+    step = SimpleNamespace(
+        accepted=accepted,
+        rivals=(),
+        trials=trials,
+        refits=[accepted, refused],
+        compared=[_compared(0.9, 0.8), _compared(0.2, 0.0)],
+        before=SimpleNamespace(judgement=_judged(0.4)),
+        floor=FLOOR,
+        dropped="",
+    )
+    units = {"force": "N*m", "position": "rad", "input": "V"}
+    rows = candidates([step], units, {"gravity_pendulum": "the position is no angle"})
+    assert {row.effect for row in rows} == set(catalogue())
+    by_name = {row.effect: row for row in rows}
+    assert rows[0].effect == "delay"
+    assert by_name["delay"].reason == "named"
+    assert (by_name["delay"].gain_fit, by_name["delay"].gain_holdout) == (0.9, 0.8)
+    assert by_name["constant_load"].reason.startswith("explains too little")
+    assert by_name["constant_load"].units == {"load": "N*m"}
+    assert by_name["ripple"].reason == "gains nothing"
+    assert by_name["ripple"].p_value == pytest.approx(0.8)
+    assert not by_name["maxwell_slip"].tested
+    assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
+    assert not by_name["gravity_pendulum"].tested
+    assert by_name["gravity_pendulum"].reason == "the position is no angle"
+    # What would have been accepted later, but was not, says why; what is named does not.
+    later = SimpleNamespace(
+        **vars(step) | {"accepted": None, "compared": [_compared(0.9, 0.8)] * 2, "dropped": "too late"}
+    )
+    by_name = {row.effect: row for row in candidates([step, later], units, {})}
+    assert by_name["constant_load"].reason == "too late"
+    assert by_name["delay"].reason == "named"
+
+
+def _case(*recordings):
+    return Case("bench", Plant(), recordings)
+
+
+def _recording(name, **more):
+    return Recording(name, 1000.0, *([np.zeros(300)] * 2), **more)
+
+
+def test_a_recording_too_short_to_be_scored_is_refused_with_a_cure():
+    short = Recording("b", 1000.0, np.zeros(150), np.zeros(150))
+    with pytest.raises(InputError, match=r"bench, recording b: 150 samples are too few.*at least 200"):
+        diagnose(_case(_recording("a"), short, _recording("c", role="holdout")))
+
+
+@pytest.mark.parametrize("roles", [("fit", "fit"), ("holdout", "holdout"), ()])
+def test_a_case_without_both_roles_is_refused(roles):
+    case = _case(*(_recording(f"r{k}", role=role) for k, role in enumerate(roles)))
+    with pytest.raises(InputError, match=r'at least one kept aside.*role = "holdout"'):
+        diagnose(case)

@@ -1,0 +1,374 @@
+"""The robust fit of the diagnosis: recovers known parameters, knows how well, says what went wrong, compiles once."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_estimation import (
+    FINE,
+    NOISE,
+    PLANT,
+    RATE,
+    VOLT,
+    base_fit,
+    closed_loop,
+    experiment,
+    moves,
+    open_loop,
+    stick_noise,
+    truth,
+)
+from helpers_plants import effect
+
+from frictionjax.core.compile_time import CompileClock
+from frictionjax.diagnosis.base_model.fit_base import message_of, parameters_of, told_parameters
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.estimation import starting_values
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.descent.finer import at_finer_steps
+from frictionjax.estimation.descent.robust import Ending, Fitted, _step, descend
+from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.parameters import effect_layout, pack
+from frictionjax.estimation.scales import plant_scales
+from frictionjax.estimation.uncertainty import cautious_covariance, estimates
+from frictionjax.physics import Drive
+
+KM = float(PLANT.motor_constant)
+UNITS = {"force": "N*m", "position": "rad", "input": "V"}
+
+
+def _recovered(parameters, expected):
+    """Every parameter within five of its own standard errors, or 1 % of its value."""
+    for name, value in expected.items():
+        found = parameters[name]
+        assert found.identified, name
+        assert abs(found.value - value) < max(5.0 * found.stderr, 0.01 * abs(value)), name
+
+
+def _other_start(**factors):
+    """The plant with some parameters multiplied."""
+    numbers = {name: value * factors.get(name, 1.0) for name, value in truth(PLANT).items()}
+    J = numbers.pop("J")
+    return Drive(J, type(PLANT.friction)(**numbers), KM)
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What a fit told of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def fitted(told):
+    """Four short recordings of a known plant, fitted from what the recordings alone say."""
+    recordings = experiment()
+    start = starting_values(recordings, motor_constant=KM)
+    return base_fit(start.drives, recordings, progress=lambda stage, done: told.append((stage, done)))
+
+
+@pytest.fixture(scope="module")
+def parameters(fitted):
+    return parameters_of(fitted, UNITS)
+
+
+def test_the_truth_is_recovered_from_starting_values(fitted, parameters):
+    _recovered(parameters, truth(PLANT))
+    assert fitted.fitted.converged
+    assert message_of(fitted) == ""
+    # The drive is that which predicts best with one step a sample, the parameters those of finer steps.
+    assert truth(fitted.judgement.drive) == pytest.approx(
+        {k: e.value for k, e in parameters.items()}, rel=2e-3
+    )
+    assert max(e.stderr / e.value for e in parameters.values()) < 0.005
+
+
+def test_at_the_truth_nothing_is_left_but_noise(fitted):
+    """The misfit of a true model is zero, as far as four short recordings know their noise (2 % each)."""
+    assert abs(fitted.fitted.misfit) < 0.015
+
+
+def test_standard_errors_carry_units(parameters):
+    assert {name: estimate.unit for name, estimate in parameters.items()} == {
+        "J": "N*m*s^2/rad",
+        "sigma0": "N*m/rad",
+        "sigma1": "N*m*s/rad",
+        "sigma2": "N*m*s/rad",
+        "Fc": "N*m",
+        "Fs": "N*m",
+        "vs": "rad/s",
+    }
+
+
+def test_the_covariance_is_one(fitted, parameters):
+    look = fitted.fitted.look
+    hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
+    own, prior = (
+        fitted.joint.curvatures(fitted.joint.seen(fitted.fitted.vector)),
+        np.asarray(fitted.joint.setting.prior),
+    )
+    np.testing.assert_allclose(own.sum(axis=0) + np.diag(prior**2), hessian, atol=1e-9 * hessian.max())
+    covariance = cautious_covariance(hessian, clusters, own, prior, fitted.joint.batch.x.shape[0])
+    assert covariance.shape == (11, 11)
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
+    assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
+    # A logarithm's standard error is the relative one.
+    J = parameters["J"]
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(J.stderr / J.value, rel=1e-6)
+
+
+def test_clusters_add_up_to_the_gradient(fitted):
+    """But for the prior, the gradient of the cost that was brought down is the sum over clusters of 0.5 s."""
+    joint, vector = fitted.joint, fitted.fitted.vector
+    clusters = np.asarray(fitted.fitted.look.clusters)
+    off = (vector - joint.setting.start) * joint.setting.prior**2
+    gradient = np.asarray(joint.look(vector).gradient - off)
+    size = np.sqrt(np.sum(np.asarray(clusters) ** 2, axis=0))
+    np.testing.assert_allclose(np.sum(clusters, axis=0) / size, gradient / size, atol=1e-9)
+
+
+def test_progress_is_told_in_order(fitted, told):
+    done = [fraction for _, fraction in told]
+    assert done == sorted(done)
+    assert 0.0 <= done[0] <= done[-1] <= 1.0
+    assert all(stage.startswith("base fit") for stage, _ in told)
+
+
+def test_new_numbers_do_not_compile_again(fitted):
+    """Numbers are data: new recordings of the same shapes, and new starts, go through the same programs."""
+    start = fitted.joint.setting.drive
+    base_fit((start, start), experiment(seed=1))
+    clock = CompileClock()
+    again = base_fit((_other_start(J=1.02), _other_start(J=0.9, Fc=1.1, vs=2.0)), experiment(seed=2))
+    assert clock.seconds == 0.0
+    assert again.fitted.misfit < 0.02
+    assert again.fitted.converged
+    for name, value in truth(PLANT).items():
+        assert truth(again.judgement.drive)[name] == pytest.approx(value, rel=0.015), name
+
+
+def test_the_best_of_several_starts_goes_on(fitted, parameters):
+    first = fitted.joint.setting.drive
+    hopeless = eqx.tree_at(
+        lambda d: (d.friction.sigma0, d.friction.vs),
+        first,
+        (first.friction.sigma0 / 300.0, first.friction.vs * 20.0),
+    )
+    again = base_fit((hopeless, first), experiment())
+    for name, found in parameters_of(again, UNITS).items():
+        assert abs(found.value - parameters[name].value) < parameters[name].stderr
+
+
+def test_a_regime_that_the_model_misses_does_not_pull_the_others():
+    """Friction that rises with the square of speed, which the base has not: what sticks is fitted all the same."""
+    drive = PLANT.with_effects(effect("QuadraticDrag", drag=0.05))
+    recordings = experiment(drive=drive)
+    found = base_fit((_other_start(J=1.1, sigma0=0.9, Fc=0.95),), recordings)
+    assert found.fitted.misfit > 0.03
+    for name, tolerance in {"J": 0.01, "sigma0": 0.02, "sigma1": 0.05}.items():
+        assert truth(found.judgement.drive)[name] == pytest.approx(truth(PLANT)[name], rel=tolerance), name
+
+
+@pytest.mark.slow
+def test_a_known_inertia_is_kept_and_not_reported():
+    found = base_fit((_other_start(Fc=1.1, sigma2=0.8),), experiment(), known_inertia=True)
+    parameters = parameters_of(found, UNITS)
+    assert "J" not in parameters
+    assert float(found.judgement.drive.J) == truth(PLANT)["J"]
+    expected = truth(PLANT)
+    expected.pop("J")
+    _recovered(parameters, expected)
+
+
+def test_starts_without_finite_predictions_are_refused():
+    """A motor constant of 1e300 makes every trajectory overflow."""
+    hopeless = eqx.tree_at(lambda drive: drive.motor_constant, PLANT, 1e300 * PLANT.motor_constant)
+    with pytest.raises(ValueError, match="No starting value gives finite predictions"):
+        base_fit((hopeless,), experiment())
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    """Noise at a fiftieth of break-away: hardly anything shows beyond inertia, stiffness and damping."""
+    recording = open_loop("quiet", stick_noise(1.2, level=0.02), seed=3)
+    return make_joint(PLANT, make_batch((recording,), encoder_step=FINE), np.zeros(1, bool))
+
+
+def _ended(joint, vector, ending=Ending.AT_REST):
+    fitted = Fitted(vector, joint.look(vector), float(joint.misfits([vector])[0]), ending)
+    return Model(joint, fitted, judge(joint, fitted))
+
+
+def test_messages_are_sentences(quiet):
+    joint, vector = quiet
+    assert message_of(_ended(joint, vector)) == ""
+    assert (
+        message_of(_ended(joint, vector, Ending.STEPS)) == "The fit stopped while still improving slightly."
+    )
+    end = _ended(joint, vector.at[0].set(joint.setting.start[0] + 2.0))
+    assert message_of(end) == "At the end of its range: J."
+    assert not parameters_of(end, UNITS)["J"].identified
+    assert parameters_of(end, UNITS)["J"].stderr == float("inf")
+    lost = parameters_of(_ended(joint, vector.at[0].set(jnp.nan)), UNITS)
+    assert not any(estimate.identified for estimate in lost.values())
+
+
+def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(quiet):
+    """A lag in units of a sample may have to grow forty-fold; logarithms go 1.5 at most."""
+    joint, vector = quiet
+    more, longer = extend(joint, vector, effect("FrictionLag"), plant_scales(PLANT, joint.batch))
+    place = len(more.layout) - 1
+    for now, longest in ((0.0, 1.5), (20.0, 20.0)):
+        look = more.look(longer)
+        slope = jnp.zeros_like(look.gradient).at[jnp.asarray([0, place])].set(-1e6)
+        far = eqx.tree_at(lambda l: (l.gradient, l.hessian), look, (slope, jnp.eye(slope.size)))
+        step = _step(more, np.asarray(longer.at[place].set(now)), far, 0.0)
+        assert step[place] == longest
+        assert step[0] == 1.5
+
+
+def test_an_elastic_core_that_starts_bent_is_found_in_a_recording_kept_aside():
+    """Nothing slips in it, so that a bend lasts: it moves the innovations more than all that no model would leave."""
+    drive = PLANT.with_effects(effect("ElastoPlastic", plasticity=1.0, core=0.6))
+    bend, quiet = float(PLANT.friction.Fs / PLANT.friction.sigma0), {"noise": 1e-7, "substeps": 4}
+    slow = 0.3 * VOLT * np.sin(2 * np.pi * 0.4 * np.arange(6000) / RATE)
+    recordings = (
+        open_loop("stick", stick_noise(), seed=1, drive=drive, **quiet),
+        open_loop("slow", slow, seed=2, drive=drive, role="holdout", z0=0.05 * bend, **quiet),
+    )
+    batch = make_batch(recordings, encoder_step=FINE)
+    scales = plant_scales(PLANT, batch)
+    joint, vector = make_joint(drive, batch, np.array([False, True]), scales=scales)
+    found = descend(joint.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
+    assert float(found.vector[-1]) == pytest.approx(0.05, rel=0.02)
+    assert float(np.median(np.asarray(found.look.power)[1])) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_descent_from_an_overflow_ends_where_it_began(quiet):
+    joint, vector = quiet
+    found = descend(joint, vector.at[0].set(jnp.nan))
+    assert not found.converged
+    assert found.misfit == float("inf")
+    assert np.isnan(found.vector[0])
+    np.testing.assert_array_equal(found.vector[1:], vector[1:])
+
+
+def test_what_the_recordings_do_not_hold_is_not_identified(quiet):
+    """A parameter without information rests on the prior: its standard error is the prior's, not zero."""
+    found = parameters_of(_ended(*quiet), UNITS)
+    assert found["J"].identified
+    assert found["sigma0"].identified
+    for name in ("sigma2", "vs"):
+        assert not found[name].identified, f"{name} = {found[name].value} +- {found[name].stderr}"
+
+
+def test_every_free_parameter_has_a_row_of_its_own(quiet):
+    """Cogging and friction along the stroke both call their parameters sine, cosine and period."""
+    drive = PLANT.with_effects(effect("Ripple"), effect("PeriodicPositionDependence"))
+    layout = effect_layout(drive, {"Fc": 0.5})
+    vector = pack(layout, drive)
+    setting = eqx.tree_at(lambda s: (s.drive, s.start), quiet[0].setting, (drive, vector))
+    assert len(estimates(layout, vector, setting, np.eye(6), {})) == 6
+
+
+def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
+    """`extend` keeps ranges, prior and observer; the parameters stand before the starting deflections."""
+    joint, vector = quiet
+    vector = vector.at[0].add(0.01).at[-1].set(0.1)
+    more, longer = extend(joint, vector, effect("Creep"), plant_scales(PLANT, joint.batch))
+    assert [free.label for free in more.layout[len(joint.layout) :]] == ["compliance", "time_constant"]
+    assert longer.shape[0] == vector.shape[0] + 2
+    assert float(longer[-1]) == 0.1
+    assert more.misfits([longer])[0] == pytest.approx(joint.misfits([vector])[0], rel=1e-9)
+    assert float(more.look(longer).cost) == pytest.approx(float(joint.look(vector).cost), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_sliding_alone_recovers_the_truth():
+    """Guesses of the stiffness are mended by what the reversals show."""
+    more = moves(positions=(-0.2, 0.1, 0.3), durations=(0.4, 0.3, 0.5))
+    recordings = (closed_loop("moves", moves(), seed=4), closed_loop("more", more, seed=5))
+    found = base_fit(starting_values(recordings, motor_constant=KM).drives, recordings)
+    _recovered(parameters_of(found, UNITS), truth(PLANT))
+
+
+def test_finer_steps_take_out_what_one_step_a_sample_costs():
+    """Simulated with sixteen steps a sample and a fiftieth of the noise: a descent takes one step, and is biased."""
+    batch = make_batch(experiment(noise=0.02 * NOISE, seed=3, substeps=16), encoder_step=0.02 * FINE)
+    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    found = descend(slow, vector, graduate=False)
+    parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
+    coarse, expected = truth(slow.drive(found.vector)), truth(PLANT)
+    fine = {name: estimate.value for name, estimate in parameters.items()}
+
+    def farthest(values):
+        return max(abs(values[name] - expected[name]) / parameters[name].stderr for name in expected)
+
+    assert farthest(coarse) > 5.0
+    assert farthest(fine) < 3.0
+
+
+def test_finer_steps_that_lead_away_change_nothing(fitted):
+    """From a vector that is no minimum, and from derivatives that are not finite."""
+    joint, vector = fitted.joint, fitted.fitted.vector
+    away = vector.at[1].add(0.5)
+    kept, led_away = at_finer_steps(joint, away, joint.look(away), joint.seen(away))
+    np.testing.assert_array_equal(kept, away)
+    assert led_away
+    far = told_parameters(
+        Model(joint, Fitted(away, joint.look(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
+    )
+    assert far[1].startswith("The parameters are those of few integration steps a sample")
+    assert told_parameters(fitted, UNITS)[1] == ""
+    lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
+    kept, led_away = at_finer_steps(joint, vector, lost, joint.seen(vector))
+    np.testing.assert_array_equal(kept, vector)
+    assert not led_away
+
+
+@pytest.mark.slow
+def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
+    scales = plant_scales(PLANT, fitted.joint.batch)
+    for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
+        joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
+        with_effect = Fitted(vector, joint.look(vector), 0.0, Ending.AT_REST)
+        model = Model(joint, with_effect, judge(joint, with_effect))
+        told = told_parameters(model, UNITS)[1]
+        assert told.startswith(said)
+        assert bool(told) == bool(said)
+
+
+@pytest.mark.slow
+def test_an_effect_is_fitted_with_the_base():
+    drive = PLANT.with_effects(effect("ConstantLoad", load=0.06))
+    batch = make_batch(experiment(drive=drive, seed=4), encoder_step=FINE)
+    start = PLANT.with_effects(effect("ConstantLoad"))
+    joint, vector = make_joint(start, batch, np.zeros(4, bool), scales=plant_scales(PLANT, batch))
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    found = descend(slow, descend(joint, vector).vector, graduate=False)
+    assert found.converged
+    parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
+    _recovered(parameters, truth(PLANT) | {"load": 0.06})
+    assert parameters["load"].unit == "N*m"
+
+
+@pytest.mark.slow
+def test_standard_errors_are_those_of_repeated_experiments():
+    """Forty experiments with new noise: scatter over stated error, gated by the scatter's own standard error.
+
+    The innovations of the observer are negatively correlated at low frequencies, across the borders of the
+    clusters too: stated errors are larger than the scatter for what shows in smooth motion (up to 1.7 times).
+    """
+    count = 40
+    fits = [parameters_of(base_fit((PLANT,), experiment(seed=seed)), UNITS) for seed in range(count)]
+    values = np.array([[e.value for e in found.values()] for found in fits])
+    stated = np.sqrt(np.mean([[e.stderr**2 for e in found.values()] for found in fits], axis=0))
+    ratio = np.std(values, axis=0, ddof=1) / stated
+    allowed = 1.0 + 3.0 / np.sqrt(2.0 * (count - 1))
+    assert np.all(ratio < allowed), ratio
+    assert np.all(ratio > 0.5 / allowed), ratio
+    # A bias far below a thousandth is left by the correction of the bristle, which is not linear in the noise.
+    bias = np.mean(values, axis=0) / np.array(list(truth(PLANT).values())) - 1.0
+    stderr = np.std(values, axis=0, ddof=1) / np.sqrt(count) / np.array(list(truth(PLANT).values()))
+    assert np.all(np.abs(bias) < 3.0 * stderr + 1e-3), bias

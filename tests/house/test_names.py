@@ -1,0 +1,103 @@
+"""The public names: listed here once, documented, loaded late, and nothing else leaks out of a door."""
+
+import importlib
+import inspect
+import subprocess
+import sys
+
+import pytest
+from helpers_house import DOORS, home_of, public_names
+
+import frictionjax
+
+CONTRACT = {
+    *("LuGre", "Drive", "simulate", "linearize", "excitation", "estimate_frf", "fit_sk"),
+    *("load_case", "fit", "diagnose"),
+}
+"""Names that outside programs use: never renamed."""
+
+EXPECTED = sorted(
+    {
+        *CONTRACT,
+        *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue"),
+        *("Diagnosis", "Estimate", "FRF", "FitResult", "Trajectory"),
+        *("BLA", "Resonances", "ZeroAmplitude"),
+        *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
+        *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
+        *("configure_jax", "simulate_batch", "simulate_imposed"),
+        *("Observation", "Gaussian", "Cauchy", "Huber", "Replicas", "fit_many"),
+        *("Profile", "profile_likelihood", "Bootstrap", "bootstrap"),
+        *("Information", "fisher_information", "Identifiability", "identifiability"),
+        "keep_last_third_aside",
+        *("Ranking", "rank_experiments", "Discrimination", "rank_for_discrimination"),
+        *("DesignedMultisine", "optimise_multisine"),
+        *("load_fit", "save_fit", "save_diagnosis", "MujocoJoint", "mujoco_joint"),
+        *("FrictionjaxWarning", "InputError", "PrecisionError"),
+    }
+)
+"""Every public name. A new one is added here on purpose."""
+
+
+def _run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_public_names_are_these():
+    api = importlib.import_module("frictionjax.api")
+    assert sorted(api.__all__) == EXPECTED
+    assert set(EXPECTED) >= CONTRACT
+
+
+def test_every_public_name_is_there_and_documented():
+    undocumented = []
+    for name in importlib.import_module("frictionjax.api").__all__:
+        value = getattr(frictionjax, name)
+        documented = inspect.ismodule(value) or callable(value)
+        if documented and not (inspect.getdoc(value) or "").strip():
+            undocumented.append(name)
+    assert undocumented == []
+
+
+def test_dir_lists_the_public_names():
+    assert set(dir(frictionjax)) >= set(EXPECTED)
+
+
+def test_an_unknown_name_raises_a_sentence():
+    with pytest.raises(
+        AttributeError, match=r"frictionjax has no public name `friction_model`\. Public names: .*LuGre"
+    ):
+        _ = frictionjax.friction_model
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_door_offers_only_what_is_ours(door):
+    module = importlib.import_module(door)
+    leaks = {name: home_of(getattr(module, name)) for name in public_names(door)}
+    assert {name: home for name, home in leaks.items() if home != "frictionjax"} == {}
+
+
+def test_importing_the_package_does_not_wait_for_jax():
+    loaded = _run("import sys, frictionjax; frictionjax.__version__; print(*sys.modules)").split()
+    assert not {"jax", "frictionjax.api"} & set(loaded)
+
+
+def test_help_does_not_wait_for_jax():
+    code = """
+import sys
+from frictionjax.cli import main
+try:
+    main(["--help"])
+except SystemExit as stop:
+    assert not stop.code
+print(*sys.modules)
+"""
+    text, loaded = _run(code).rstrip().rsplit("\n", 1)
+    assert "diagnose" in text
+    assert not {"jax", "frictionjax.api"} & set(loaded.split())
+
+
+def test_importing_the_public_names_leaves_the_settings_of_jax_alone():
+    code = "import jax; before = dict(jax.config.values); import frictionjax.api; print(before == jax.config.values)"
+    assert _run(code).strip() == "True"

@@ -1,0 +1,247 @@
+"""report.html: one file, nothing fetched, the sentence first, and no section that an empty list could break."""
+
+import base64
+import io
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import jax
+import matplotlib
+import numpy as np
+import pytest
+from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis, fake_recording
+from PIL import Image
+
+from frictionjax.diagnosis.verdict import MismatchBin, Unexplained
+from frictionjax.recordings import Plant
+from frictionjax.report.canvas import drawing
+from frictionjax.report.figures import comparison, residual
+from frictionjax.report.page import render
+from frictionjax.report.sections.candidates import Candidates
+from frictionjax.report.sections.mismatch import Mismatch
+from frictionjax.report.sections.missing import Missing
+from frictionjax.report.sections.parameters import Parameters
+
+MAP_WITHOUT_LEVELS = (MismatchBin("regime", "sliding", 1.0, 3.0),)
+VOID = {"meta", "img", "br", "line", "circle", "rect", "link"}
+
+
+class Page(HTMLParser):
+    """The parts of a page that the tests ask for; fails on tags that do not nest."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.open, self.links, self.images, self.tags, self.words = [], [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+        self.visible = " ".join(" ".join(self.words).split())
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        self.links += [attrs[key] for key in ("href", "src", "data", "action") if key in attrs]
+        if tag == "img":
+            self.images.append(attrs)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open and "title" not in self.open:
+            self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def page():
+    return Page(render(fake_diagnosis(n=2000)))
+
+
+def test_it_opens_with_the_sentence(page):
+    assert page.visible.startswith(SUMMARY)
+
+
+def test_it_fetches_nothing(page):
+    assert page.links
+    assert all(link.startswith(("data:", "#")) for link in page.links)
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    text = render(adequate_diagnosis())
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+def test_pictures_are_png_at_twice_the_density_with_words_for_those_who_cannot_see(page):
+    # Three recordings; whole and close-up; comparison and residual force.
+    assert len(page.images) == 3 * 2 * 2
+    for attrs in page.images:
+        assert attrs["alt"]
+        picture = Image.open(io.BytesIO(base64.b64decode(attrs["src"].split(",")[1])))
+        assert picture.format == "PNG"
+        assert picture.width > 900
+        opacity = np.asarray(picture.convert("RGBA"))[..., 3]
+        assert opacity[0, 0] == 0  # the ground is that of the page, light or dark
+        assert opacity.max() > 250
+
+
+def test_the_recording_kept_aside_comes_first(page):
+    assert page.visible.index("holdout_stick") < page.visible.index("noise_small")
+    assert [attrs["alt"].split(",")[0] for attrs in page.images[::2]][:3] == [
+        "holdout_stick",
+        "noise_small",
+        "breakaway",
+    ]
+
+
+def test_an_adequate_case_has_no_extended_model_and_no_empty_sections():
+    page = Page(render(adequate_diagnosis()))
+    assert page.visible.startswith("The base model explains these recordings to the noise.")
+    assert "Adequate" in page.visible
+    assert "extended" not in page.visible
+    assert "No recording was kept aside" in page.visible
+    assert "What is missing" not in page.visible
+    assert "the model fits worst" in page.visible
+    assert "Candidates" not in page.visible
+    assert "Where the base model fails" not in page.visible
+
+
+def test_a_case_without_recordings_or_numbers_still_renders():
+    empty = replace(adequate_diagnosis(), recordings=())
+    assert "base model explains" in Page(render(empty)).visible
+
+
+def test_what_is_not_finite_is_drawn_as_a_gap():
+    recording = fake_recording(n=600)
+    recording.residual_force_std[:] = np.inf
+    recording.free_base[300:] = np.nan
+    recording.free_extended[:] = np.inf
+    recording.predicted_base[:50] = np.nan
+    Page(render(replace(fake_diagnosis(), recordings=(recording,))))
+
+
+def test_a_single_sample_still_renders():
+    one = jax.tree.map(lambda series: series[:1], fake_recording())
+    Page(render(replace(fake_diagnosis(), recordings=(one,))))
+
+
+def test_an_imposed_motion_is_judged_in_force_units():
+    recording = fake_recording(n=600, drive="motion")
+    page = Page(render(replace(fake_diagnosis(), recordings=(recording,))))
+    assert "nN·m" in page.visible  # the size of the prediction error, now a force
+    assert "nrad" not in page.visible
+
+
+def test_bins_that_may_be_chance_are_grey(page):
+    """Only those whose p-value, corrected for the whole map, is known to be no less than 5 %."""
+    body = Mismatch().body(fake_diagnosis(n=600))
+    grey = [row for row in body.split("<tr ") if row.startswith('class="chance"')]
+    assert len(grey) == 1
+    assert "after rests below 10 ms" in grey[0]
+    assert "Bins in grey may be chance" in page.visible
+    assert "may be chance" not in Mismatch().body(replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS))
+
+
+def test_what_holds_the_excess_is_said(page):
+    assert (
+        "Only after rests longer than 0.3 s : of what happens in presliding, this part holds 97 %"
+        in page.visible
+    )
+    assert '<ul class="within">' not in Mismatch().body(replace(fake_diagnosis(n=600), within=()))
+
+
+def test_text_of_users_is_escaped():
+    diagnosis = replace(
+        fake_diagnosis(),
+        recordings=(fake_recording("a<b>&\"'", n=600),),
+        mismatch=(MismatchBin("<axis>", "v < 1", 1.0, 3.0),),
+        plant=Plant(16.0, "<m>", "<N>", "<V>"),
+        summary="<h1>&",
+    )
+    page = Page(render(diagnosis))
+    assert page.visible.startswith("<h1>&")
+    assert "a<b>&\"'" in page.visible
+    assert not {"axis", "m", "n", "v"} & set(page.tags)
+
+
+def test_unexplained_physics_is_said():
+    unexplained = Unexplained(True, 0.43, "sliding at one spot of the stroke")
+    body = Missing().body(replace(fake_diagnosis(), unexplained=unexplained))
+    assert "43 %" in body
+    assert "one spot of the stroke" in body
+    page = Page(render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained)))
+    assert "The extended model holds what could be named, and nothing else" in page.visible
+    assert "more is missing than the effect named" in page.visible
+    nothing = Page(
+        render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained, missing=()))
+    )
+    assert "something is missing that no listed effect explains" in nothing.visible
+
+
+def test_candidates_are_sorted_and_say_why():
+    page = Page(Candidates().body(fake_diagnosis(n=10)))
+    order = [page.visible.index(name) for name in ("maxwell slip named", "creep", "backlash not tested")]
+    assert order == sorted(order)
+    assert "share 0.400" in page.visible
+    assert "needs a second encoder" in page.visible
+
+
+def test_a_parameter_that_the_data_do_not_hold_is_said_in_words():
+    body = Page(Parameters().body(fake_diagnosis(n=10))).visible
+    assert "not determined by these recordings" in body
+    assert "1814.0 ± 1.9" in body
+    assert "−11 %" in body
+
+
+def test_the_users_matplotlib_settings_do_not_reach_the_figures():
+    with matplotlib.rc_context({"text.usetex": True, "font.size": 40.0}):
+        Page(render(adequate_diagnosis()))
+
+
+def test_saving_a_diagnosis_writes_the_report_whatever_was_imported(tmp_path):
+    """In a process of its own: `Diagnosis.save` needs nobody to have imported the report."""
+    code = (
+        "import sys; from helpers_diagnosis import adequate_diagnosis; "
+        "assert 'frictionjax.report' not in sys.modules; adequate_diagnosis().save(sys.argv[1])"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], check=True, cwd=Path(__file__).parents[1] / "support"
+    )
+    Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+
+
+def test_many_long_recordings_stay_small():
+    recordings = tuple(fake_recording(f"run{k}", role="fit", n=30000, seed=k) for k in range(8))
+    text = render(replace(fake_diagnosis(), recordings=recordings))
+    assert len(text) < 5_000_000
+
+
+def test_beyond_the_first_recordings_only_a_count_is_given(monkeypatch):
+    monkeypatch.setattr("frictionjax.report.sections.panels.MOST", 1)
+    page = Page(render(fake_diagnosis(n=600)))
+    assert len(page.images) == 4
+    assert "2 more recordings are not drawn" in page.visible
+
+
+def test_an_unknown_motor_constant_is_said():
+    assert (
+        "every force is per input unit" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
+    )
+
+
+@pytest.mark.parametrize("draw", [comparison, residual])
+def test_a_picture_is_the_same_whatever_was_drawn_before_it(draw):
+    """Pictures take over the axes of those before them."""
+    plant = Plant()
+    long, short = fake_recording(n=4000), fake_recording(n=700, repaired=False, seed=1)
+    whole, part = slice(0, 4000), slice(100, 300)
+    with drawing():
+        first = draw(long, plant, True, whole, part)
+        other = draw(replace(short, x=short.x + 5.0), plant, False, part, None)
+        again = draw(long, plant, True, whole, part)
+    assert first == again
+    assert other != again
