@@ -1,12 +1,15 @@
 """The strict test session: float64, no silent promotion of types or ranks, two CPU devices, warnings are errors."""
 
 import os
+from pathlib import Path
 
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
-# Nothing of a test run is kept in the user's cache.
-os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "false"
+# Programs compiled in earlier runs are kept in the checkout, never in the user's cache: most of the tests' time is
+# compilation. What counts traces counts them all the same, since a program that is found is traced and asked for, too.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled"))
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 
 import jax
 import pytest
