@@ -33,7 +33,8 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_noise, quietness
 from frictionjax.diagnosis.intake.starting_point import Beginning, begin
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import physical
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
@@ -54,7 +55,7 @@ def _true_drive(begun: Beginning, truth: dict[str, float]) -> Drive:
     )
 
 
-def _fitted(joint: Joint, vector) -> Model:
+def _fitted(joint: Posterior, vector) -> Model:
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     fitted = descend(slow, vector, graduate=False, tolerance=1e-4)
     return Model(slow, fitted, judge(slow, fitted))
@@ -73,7 +74,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     model = _fitted(*make_joint(_true_drive(begun, truth), begun.batch, begun.held_out))
     slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
-    coarse, _ = physical(slow.layout, slow.setting.drive, vector[:count], slow.setting.start[:count])
+    coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
     one = {
         name: (float(value) - truth[name]) / e.stderr
         for (name, e), value in zip(found.items(), coarse, strict=True)
@@ -98,9 +99,9 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     free = joint.layout[place]
     there = np.log(true) if free.parameter.transform == "log" else true / float(free.scale)
     model = _fitted(joint, jnp.asarray(vector).at[place].set(there))
-    look = model.fitted.look
-    alone = sandwich(np.asarray(look.hessian), np.asarray(look.clusters))
-    other = estimates(model.joint.layout, model.fitted.vector, model.joint.setting, alone, {})[ours]
+    near = model.fitted.near
+    alone = sandwich(np.asarray(near.hessian), np.asarray(near.clusters[0]))
+    other = estimates(model.joint, model.fitted.vector, alone, {})[ours]
     told = base_fit.parameters_of(model, {}, _force(model))[ours]
     return (told.value - true) / told.stderr, (told.value - true) / other.stderr
 

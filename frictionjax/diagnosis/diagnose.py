@@ -1,6 +1,5 @@
 """`diagnose`: from a case to a verdict; strings the steps together."""
 
-import dataclasses
 import os
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -39,7 +38,6 @@ from frictionjax.diagnosis.verdict import (
     Unexplained,
     Verdict,
 )
-from frictionjax.estimation.data.batch import Batch
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
@@ -193,9 +191,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
 def _with_steps_of(scene: Scene, model: Model) -> Scene:
     """The `scene`, simulated with as many integration steps a sample as the `model`."""
     steps = model.joint.batch.substeps
-    if not isinstance(scene.batch, Batch) or steps == scene.batch.substeps:
-        return scene
-    return eqx.tree_at(lambda own: own.batch, scene, dataclasses.replace(scene.batch, substeps=steps))
+    return eqx.tree_at(lambda own: own.batch, scene, scene.batch.with_substeps(steps))
 
 
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
@@ -241,9 +237,9 @@ def _map(
     executor: Executor,
 ) -> Located:
     batch = scene.batch
-    inputs = np.asarray(batch.u) if isinstance(batch, Batch) else np.zeros(batch.x.shape)
+    inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
     axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
-    if not isinstance(batch, Batch):
+    if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
     return locate(seen, extended, axes, scene, floor, mapping=executor.map)
 
@@ -304,8 +300,8 @@ def _missing(
         if found is None:
             continue
         joint = found.model.joint
-        place = len(joint.setting.drive.effects) - 1
-        effect = joint.setting.drive.effects[-1]
+        place = len(joint.drive.effects) - 1
+        effect = joint.drive.effects[-1]
         own = f"effects.{place}."
         named = {p.parameter.name: extended[p.label] for p in joint.layout if p.path.startswith(own)}
         members = (found.effect, *step.rivals)

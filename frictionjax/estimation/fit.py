@@ -21,9 +21,9 @@ from frictionjax.estimation.data.observation import (
 from frictionjax.estimation.descent.refine import Refined, refine
 from frictionjax.estimation.descent.settle import robust_costs, settle
 from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_response, observed
-from frictionjax.estimation.objective.joint import FAST_BANDWIDTH
 from frictionjax.estimation.objective.loss import AbstractLoss, Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.estimation.parameters import pack, part_of, weak_prior
 from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
@@ -202,6 +202,8 @@ def _posterior(drive, constraints: Constraints, batch, pieces: Sorted, loss) -> 
         tuple(evidence),
         tuple(jnp.asarray(weight, dtype=float) for weight in weights),
         loss,
+        tuple(jnp.ones(max(one.rows, 1)) for one in evidence),
+        (None,) * len(evidence),
     )
 
 

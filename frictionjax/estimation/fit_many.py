@@ -15,17 +15,17 @@ from jaxtyping import Bool, Float, Int
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import resolve
-from frictionjax.estimation.data.batch import CLUSTER, Batch, make_batch
+from frictionjax.estimation.data.batch import Batch, make_batch
 from frictionjax.estimation.descent.refine import SHORT
 from frictionjax.estimation.descent.side_by_side import Found, Sets, follow
 from frictionjax.estimation.evidence import Observed, observed
-from frictionjax.estimation.objective.joint import FAST_BANDWIDTH
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.estimation.parameters import pack, weak_prior
-from frictionjax.estimation.result import honest_covariance, inverse_of
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.driven import starting_values
+from frictionjax.estimation.uncertainty import inverse_of
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
@@ -129,7 +129,17 @@ def fit_many(
     evidence: Observed = observed(batches[0], FAST_BANDWIDTH)
     weight = jnp.ones(evidence.count.shape[0])
     prior = weak_prior(constraints.layout, rows)
-    posterior = Posterior(constraints, template, vectors[0], prior, (evidence,), (weight,), Gaussian())
+    posterior = Posterior(
+        constraints,
+        template,
+        vectors[0],
+        prior,
+        (evidence,),
+        (weight,),
+        Gaussian(),
+        (jnp.ones(rows),),
+        (None,),
+    )
     whole = Sets(
         *(
             np.stack([np.asarray(getattr(b, name)) for b in batches])
@@ -160,7 +170,7 @@ def fit_many(
                 start = np.tile(np.median(ended, axis=0), (places.size, 1))
             again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
             _keep_better(found, again, places)
-    return _replicas(found, posterior, batches[0])
+    return _replicas(found, posterior)
 
 
 def _on_all(posterior: Posterior, sets: Sets, substeps: int, settle: bool, progress: Progress) -> Found:
@@ -241,19 +251,15 @@ def _check(batches: list[Batch]) -> None:
             )
 
 
-def _replicas(found: Found, posterior: Posterior, batch: Batch) -> Replicas:
+def _replicas(found: Found, posterior: Posterior) -> Replicas:
     values, slopes, cost = found.values, found.slopes, found.cost
     count, layout = values.shape[0], posterior.constraints.layout
-    blocks = np.asarray(batch.block_count).reshape(batch.x.shape[0], -1)
-    clusters = int(sum(-(-np.count_nonzero(row) // CLUSTER) for row in blocks))
     white = np.full(values.shape, np.nan)
     honest = np.full(values.shape, np.nan)
     for i in range(count):
-        if np.all(np.isfinite(found.hessian[i])) and np.all(np.isfinite(found.meat[i])):
-            inverse = inverse_of(found.hessian[i])
-            white[i] = np.sqrt(np.diag(slopes[i] @ inverse @ slopes[i].T))
-            covariance = honest_covariance(inverse, found.meat[i], clusters, slopes[i])
-            honest[i] = np.sqrt(np.diag(covariance))
+        if np.all(np.isfinite(found.hessian[i])) and np.all(np.isfinite(found.covariance[i])):
+            white[i] = np.sqrt(np.diag(slopes[i] @ inverse_of(found.hessian[i]) @ slopes[i].T))
+            honest[i] = np.sqrt(np.diag(slopes[i] @ found.covariance[i] @ slopes[i].T))
     usable: Bool[np.ndarray, " d"] = np.all(np.isfinite(values), axis=1)
     return Replicas(
         tuple(one.label for one in layout),

@@ -31,7 +31,8 @@ _FASTEST = 0.6
 # the stroke would be a spring.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4
-_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = 3.0, 1e3, 0.5  # standard deviations of the weak prior
+# Standard deviations of the weak prior: of a logarithm, of a strength in its unit, of a starting deflection.
+_PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = np.array([3.0, 1e3, 0.5]) / np.sqrt(2.0)
 INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 

@@ -9,15 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
-from frictionjax.estimation.data.batch import CLUSTER
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.evidence import Forces, Positions
-from frictionjax.estimation.objective.posterior import Posterior, curvature_and_gradients
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
-from frictionjax.estimation.uncertainty import estimate_of
+from frictionjax.estimation.uncertainty import covariance_of, estimate_of, inverse_of
 from frictionjax.physics import Drive
-
-_FEW = 20  # clusters: fewer tell nothing of how errors correlate
 
 
 class RecordingNoise(eqx.Module):
@@ -44,8 +41,8 @@ class FitResult(eqx.Module):
     - `drive`: the fitted `Drive`.
     - `parameters`: label -> `Estimate` in physical units, tied parameters included.
     - `names`: labels of the p free parameters, in the order of `covariance`.
-    - `covariance`: of the free parameters in physical units, shape `(p, p)`: inverse information, with standard
-      deviations raised where the clustered sandwich says more (model error, correlated errors).
+    - `covariance`: of the free parameters in physical units, shape `(p, p)`: a jackknife over clusters of 0.5 s, its
+      variances raised to those of longer clusters and of the inverse information (`uncertainty.clustered_covariance`).
     - `covariance_white`: inverse information alone, right when the errors are white, shape `(p, p)`.
     - `noise`: name of the recording -> `RecordingNoise`.
     - `cost`: minus the log-posterior, noise included, but for a constant: for comparing fits of the same data.
@@ -73,50 +70,6 @@ class FitResult(eqx.Module):
         return {name: estimate.stderr for name, estimate in self.parameters.items()}
 
 
-def inverse_of(matrix: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
-    """Inverse of a positive definite `matrix`, scaled first: its entries span decades."""
-    size = np.sqrt(np.diag(matrix))
-    size = np.where(size > 0.0, size, 1.0)
-    return np.linalg.pinv(matrix / np.outer(size, size), hermitian=True) / np.outer(size, size)
-
-
-def clustered(gradients: list[Float[np.ndarray, "b q"]], posterior: Posterior) -> Float[np.ndarray, "c q"]:
-    """Block gradients summed over clusters of ten blocks, none across two recordings; `gradients` as
-    `curvature_and_gradients` has them for `posterior`. Shape `(c, q)`."""
-    sums = []
-    for gradient, evidence in zip(gradients, posterior.evidence, strict=True):
-        own = np.asarray(gradient)
-        if evidence.rows:
-            own = own.reshape(evidence.rows, -1, own.shape[1])
-            own = np.pad(own, ((0, 0), (0, -own.shape[1] % CLUSTER), (0, 0)))
-            own = own.reshape(-1, CLUSTER, own.shape[2]).sum(1)
-        sums.append(own)
-    total = np.concatenate(sums)
-    return total[np.any(total != 0.0, axis=1)]
-
-
-def honest_covariance(
-    inverse: Float[np.ndarray, "q q"],
-    meat: Float[np.ndarray, "q q"],
-    clusters: int,
-    slope: Float[np.ndarray, "p q"],
-) -> Float[np.ndarray, "p p"]:
-    """Inverse information, with standard deviations raised where the sandwich H^-1 M H^-1 says more, shape `(p, p)`.
-
-    **Arguments:**
-
-    - `inverse`: H^-1, shape `(q, q)`; `meat`: M, the sum of the outer products of cluster gradients; `clusters`: how
-        many there are; `slope`: derivative of the p physical values by the free vector, shape `(p, q)`.
-    """
-    white = slope @ inverse @ slope.T
-    if clusters < _FEW:
-        return white
-    sandwich = slope @ inverse @ meat @ inverse @ slope.T * (clusters / max(clusters - 1, 1))
-    ratio = np.diag(sandwich) / np.maximum(np.diag(white), 1e-300)
-    more = np.sqrt(np.maximum(ratio, 1.0))
-    return white * np.outer(more, more)
-
-
 @eqx.filter_jit
 def _values(posterior: Posterior, vector):
     def values(point):
@@ -135,9 +88,10 @@ def make_result(
     posterior, vector = refined.posterior, refined.vector
     layout, ties = posterior.constraints.layout, posterior.constraints.ties
     count = len(layout)
-    near = curvature_and_gradients(posterior, vector)
-    hessian, gradients = np.asarray(near.hessian), [np.asarray(g) for g in near.gradients]
-    finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in gradients))
+    evaluations = posterior.evaluated(vector)
+    near = posterior.assembled(evaluations, vector)
+    hessian = np.asarray(near.hessian)
+    finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in near.clusters))
     values, slope = (np.asarray(a) for a in _values(posterior, vector))
     ends = set(at_a_bound(layout, vector[:count], posterior.start[:count], margin=2.0 * INSIDE))
     ends |= {
@@ -150,10 +104,8 @@ def make_result(
     white = honest = np.full((size, size), np.inf)
     silent = np.zeros(count, bool)
     if finite:
-        inverse = inverse_of(hessian)
-        sums = clustered(gradients, posterior)
-        white = slope @ inverse @ slope.T
-        honest = honest_covariance(inverse, sums.T @ sums, len(sums), slope)
+        white = slope @ inverse_of(hessian) @ slope.T
+        honest = slope @ covariance_of(posterior, evaluations, near) @ slope.T
         # What rests on the weak prior is not known from the data, however little the errors scatter.
         # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
         wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)

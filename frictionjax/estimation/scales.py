@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from frictionjax.estimation.data.batch import AbstractBatch, Batch
+from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.evidence import Forces
 from frictionjax.physics import Drive
 
@@ -25,9 +25,9 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
     dt = np.asarray(batch.dt)
     # The speed of a twentieth of a second: neither noise nor encoder steps count.
     top = max(_speed(x, float(h)) for x, h in zip(inside, dt, strict=True))
-    inputs = np.abs(np.asarray(batch.u)) if isinstance(batch, Batch) else np.ones(1)
-    largest = max(float(inputs.max()), _TINY)
-    noise = np.asarray(batch.noise) if isinstance(batch, Batch) else np.full(1, 1e-6 * stroke)
+    inputs = None if isinstance(batch, Forces) else batch.inputs
+    noise = None if isinstance(batch, Forces) else batch.position_noise
+    largest = 1.0 if inputs is None else max(float(np.max(np.abs(np.asarray(inputs)))), _TINY)
     return {
         "Fc": Fc,
         "sigma0": float(friction.sigma0),
@@ -46,7 +46,7 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
         "1/u^2": 1.0 / largest**2,
         "Fc/speed^2": Fc / top**2,
         "Fc/speed^3": Fc / top**3,
-        "step": float(np.median(noise)),
+        "step": 1e-6 * stroke if noise is None else float(np.median(np.asarray(noise))),
     }
 
 

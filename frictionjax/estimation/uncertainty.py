@@ -1,17 +1,19 @@
 """Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
-from frictionjax.estimation.objective.setting import Setting
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
 from frictionjax.estimation.parameters import Free, physical
 
 _FEWEST = 30
 """Clusters: with fewer their scatter is hardly known."""
 _MOST_OWN = 0.9
+_TOGETHER = (4, 2, 1)  # clusters of 0.5 s that are added up, while enough are left
 
 
 def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.ndarray, "m k"]:
@@ -21,13 +23,22 @@ def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.nda
     What a model leaves is correlated over more than half a second where it is seen through parameters that adapt to it:
     with clusters of 0.5 s p-values come out too small (`python -m benchmarks.null_p_values`).
     """
-    each = gradients.reshape(recordings, -1, gradients.shape[-1])
-    for together in (4, 2, 1):
-        padded = np.pad(each, ((0, 0), (0, -each.shape[1] % together), (0, 0)))
-        sums = padded.reshape(-1, together, each.shape[-1]).sum(axis=1)
-        if np.sum(np.any(sums != 0.0, axis=1)) >= _FEWEST:
+    for together in _TOGETHER:
+        sums = _summed(gradients, recordings, together)
+        if _enough(sums):
             break
     return sums
+
+
+def _summed(values: Float[np.ndarray, "c k"], recordings: int, together: int) -> Float[np.ndarray, "m k"]:
+    """Sums of so many `values` in a row, none across two recordings."""
+    each = values.reshape(recordings, -1, values.shape[-1])
+    padded = np.pad(each, ((0, 0), (0, -each.shape[1] % together), (0, 0)))
+    return padded.reshape(-1, together, each.shape[-1]).sum(axis=1)
+
+
+def _enough(sums: Float[np.ndarray, "m k"]) -> bool:
+    return bool(np.sum(np.any(sums != 0.0, axis=1)) >= _FEWEST)
 
 
 def sandwich(
@@ -59,40 +70,87 @@ def jackknife(
     return changes.T @ changes * (max(len(changes) - 1, 1) / max(len(changes), 1))
 
 
-def cautious_covariance(
+def inverse_of(matrix: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
+    """Inverse of a positive definite `matrix`, scaled first: its entries span decades."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0.0, size, 1.0)
+    return np.linalg.pinv(matrix / np.outer(size, size), hermitian=True) / np.outer(size, size)
+
+
+def clustered_covariance(
     hessian: Float[np.ndarray, "q q"],
-    gradients: Float[np.ndarray, "c q"],
-    curvatures: Float[np.ndarray, "c q q"],
+    gradients: Sequence[Float[np.ndarray, "c q"]],
+    curvatures: Sequence[Float[np.ndarray, "c q q"]],
     prior: Float[np.ndarray, " q"],
-    recordings: int,
+    rows: Sequence[int],
 ) -> Float[np.ndarray, "q q"]:
-    """The jackknife over clusters of 0.5 s, its variances raised where longer clusters or white errors say more.
+    """Covariance of the free vector: the jackknife over clusters of 0.5 s, its variances raised where longer clusters
+    or white errors say more; infinite where a derivative is not finite.
 
     Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer; those
-    of 2 s because they are few; both where a coordinate is held by its weak `prior` (inverse standard deviations),
-    along which the data do not scatter; and white errors H^-1 (H_data/2 + prior^2) H^-1 (a half is the Cauchy weight of
-    a block at the noise) where errors are correlated.
+    of 2 s because they are few; both where a coordinate is determined by its weak prior, along which the data do not
+    scatter; and white errors where errors are correlated. The weak prior is a guess, and its own error counts besides:
+    H^-1 (H + prior^2) H^-1.
+
+    **Arguments:**
+
+    - `hessian`: of the cost, with the prior.
+    - `gradients`, `curvatures`: of each cluster, evidence by evidence.
+    - `prior`: inverse standard deviations of the weak prior.
+    - `rows`: recordings of each evidence; 0 where its clusters are in no order of time.
     """
-    count = hessian.shape[0]
-    inverse = np.linalg.pinv(hessian, hermitian=True)
-    white = inverse @ (hessian + np.diag(prior**2)) @ inverse / 2.0
-    covariance = jackknife(hessian, gradients, curvatures)
-    long = merged(np.concatenate([gradients, curvatures.reshape(-1, count * count)], axis=1), recordings)
-    long = jackknife(hessian, long[:, :count], long[:, count:].reshape(-1, count, count))
+    if not all(np.all(np.isfinite(some)) for some in (hessian, *gradients)):
+        return np.full(hessian.shape, np.inf)
+    inverse = inverse_of(hessian)
+    white = inverse @ (hessian + np.diag(prior**2)) @ inverse
+    covariance = jackknife(hessian, np.concatenate(gradients), np.concatenate(curvatures))
+    long = jackknife(hessian, *_longer(gradients, curvatures, rows))
     most = np.maximum(np.diag(white), np.diag(long))
     return covariance + np.diag(np.maximum(most - np.diag(covariance), 0.0))
 
 
+def covariance_of(
+    posterior: Posterior, evaluations: tuple[Evaluation, ...], near: Quadratic
+) -> Float[np.ndarray, "q q"]:
+    """The `clustered_covariance` at a minimum of the `posterior`, from `evaluations` there and the cost `near` it."""
+    return clustered_covariance(
+        np.asarray(near.hessian),
+        [np.asarray(own) for own in near.clusters],
+        posterior.curvatures(evaluations),
+        np.asarray(posterior.prior),
+        [one.rows for one in posterior.evidence],
+    )
+
+
+def _longer(
+    gradients: Sequence[Float[np.ndarray, "c q"]],
+    curvatures: Sequence[Float[np.ndarray, "c q q"]],
+    rows: Sequence[int],
+) -> tuple[Float[np.ndarray, "m q"], Float[np.ndarray, "m q q"]]:
+    """Gradients and curvatures of clusters of 2 s, as `merged` has them."""
+    count = gradients[0].shape[1]
+    both = [
+        np.concatenate([own, bent.reshape(-1, count * count)], axis=1)
+        for own, bent in zip(gradients, curvatures, strict=True)
+    ]
+    for together in _TOGETHER:
+        sums = np.concatenate(
+            [_summed(own, many, together) if many else own for own, many in zip(both, rows, strict=True)]
+        )
+        if _enough(sums):
+            break
+    return sums[:, :count], sums[:, count:].reshape(-1, count, count)
+
+
 def estimates(
-    layout: tuple[Free, ...],
+    posterior: Posterior,
     vector: Float[Array, " q"],
-    setting: Setting,
-    covariance: np.ndarray,
+    covariance: Float[np.ndarray, "q q"],
     units: dict[str, str],
 ) -> dict[str, Estimate]:
     """Physical values with standard errors by the delta method; label -> `Estimate`."""
-    count = len(layout)
-    values, jacobian = physical(layout, setting.drive, vector[:count], setting.start[:count])
+    layout, count = posterior.layout, posterior.parameters
+    values, jacobian = physical(layout, posterior.drive, vector[:count], posterior.start[:count])
     if np.all(np.isfinite(covariance)):
         spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
     else:

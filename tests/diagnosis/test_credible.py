@@ -11,9 +11,9 @@ from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.base_model.credibility import Credibility, _compared, credibility
 from frictionjax.diagnosis.intake.starting_point import begin
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.data.no_model import innovations_without_model
+from frictionjax.estimation.evidence import observed
 from frictionjax.recordings import Case, Plant, Recording
-from frictionjax.simulation import innovation_gain, observer_gains
+from frictionjax.simulation import innovation_gain
 
 
 def with_input(case, change):
@@ -63,8 +63,8 @@ def test_without_a_model_noise_alone_has_unit_power():
     n = 40_000
     still = Recording("a", 1000.0, np.ones(n), 1e-6 * rng.standard_normal(n))
     batch = make_batch((still,), encoder_step=1e-12)
-    gains = observer_gains(50.0, batch.dt)
-    e = innovations_without_model(batch, gains)[0, 1000:]
+    evidence = observed(batch, 50.0)
+    gains, e = evidence.gains, np.asarray(evidence.without_model())[0, 1000:]
     # Correlated over the observer's memory of some ten samples, and the noise level has an error of its own.
     assert np.mean(e**2) == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 * (10.0 + 2.626) / n))
     assert float(innovation_gain(gains)[0]) > 1.0

@@ -62,7 +62,7 @@ def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
     assert found[1].rivals == ()
     assert asked == [taken_for("gravity_pendulum")]
     model = found[1].accepted.model
-    assert [effect.name for effect in model.joint.setting.drive.effects] == ["drive_lag", "constant_load"]
+    assert [effect.name for effect in model.joint.drive.effects] == ["drive_lag", "constant_load"]
 
 
 def test_twins_that_the_others_do_not_separate_are_told_together(two):

@@ -22,7 +22,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
 )
 from frictionjax.estimation.data.batch import make_batch, noise_level
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 
@@ -99,7 +99,9 @@ def test_without_a_force_none_is_found():
 
 def test_noise_that_was_thought_twice_as_large_is_mended(shaken):
     """Motion near the frequency of sampling passes for noise; a model that leaves less shows that there is less."""
-    joint = eqx.tree_at(lambda j: j.setting.batch.noise, shaken[0], shaken[0].batch.noise.at[0].multiply(2.0))
+    joint = eqx.tree_at(
+        lambda j: j.evidence[0].batch.noise, shaken[0], shaken[0].batch.noise.at[0].multiply(2.0)
+    )
     answer = answer_to_force(*shaken[:2])
     clean = quietness(shaken[2], answer, shaken[0])
     quiet = quietness(joint.powers([shaken[1]])[0], answer, joint)
@@ -149,15 +151,15 @@ def test_what_a_force_makes_unpredictable_is_left_out_of_a_fit(shaken):
     joint, vector, _ = shaken
     parted = scatter(joint, vector, FORCE)
     calm, some = predictable(joint, vector, FORCE)
-    kept = np.asarray(calm.batch.block_mean(calm.setting.weight)) > 0.0
+    kept = np.asarray(calm.weights[0]).reshape(calm.batch.block_count.shape) > 0.0
     scored = np.asarray(joint.batch.block_count) > 0
     assert some and 0.05 < np.mean(kept[scored]) < 0.95
     np.testing.assert_array_equal(kept, scored & (parted < 1.0))
     np.testing.assert_array_equal(calm.powers([vector])[0], joint.powers([vector])[0])
-    assert float(calm.look(vector).cost) < float(joint.look(vector).cost)
+    assert float(calm.near(vector).cost) < float(joint.near(vector).cost)
     whole, none = predictable(joint, vector, 0.0)
     assert not none
-    np.testing.assert_array_equal(whole.setting.weight, joint.setting.weight)
+    np.testing.assert_array_equal(whole.weights[0], joint.weights[0])
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf, -1e200])
@@ -167,7 +169,7 @@ def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
     change[0, change.shape[1] // 2 :] = lost
     monkeypatch.setattr("frictionjax.diagnosis.evidence.noise_floor._parted", lambda *arguments: change)
     calm, some = predictable(joint, vector, FORCE)
-    kept = np.asarray(calm.batch.block_mean(calm.setting.weight)) > 0.0
+    kept = np.asarray(calm.weights[0]).reshape(calm.batch.block_count.shape) > 0.0
     scored = np.asarray(joint.batch.block_count) > 0
     half = kept.shape[1] // 2
     assert some and not np.any(kept[0, half + 1 :])
@@ -194,7 +196,7 @@ def test_a_model_whose_curvature_is_no_number_is_told_as_unknown(shaken):
     joint, vector, _ = shaken
     fitted = descend(joint, vector, graduate=False, steps=1)
     lost = fitted._replace(
-        look=eqx.tree_at(lambda look: look.hessian, fitted.look, jnp.nan * fitted.look.hessian)
+        near=eqx.tree_at(lambda near: near.hessian, fitted.near, jnp.nan * fitted.near.hessian)
     )
     found = parameters_of(Model(joint, lost, judge(joint, lost)), {}, FORCE)
     assert all(e.stderr == float("inf") for e in found.values())

@@ -21,7 +21,8 @@ from frictionjax.diagnosis.evidence.noise_floor import colour
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import Ending, Fitted
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, losses_of, make_joint
+from frictionjax.estimation.objective.misfit import losses_of
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import pack
 from frictionjax.recordings import Recording
 
@@ -184,8 +185,8 @@ def small():
 
 def _judge(joint, drive):
     """`drive` before the recordings of `joint`, nothing fitted."""
-    vector = jnp.concatenate([pack(joint.layout, drive), jnp.zeros(joint.fitted.size)])
-    return judge(joint, Fitted(vector, joint.look(vector), 0.0, Ending.AT_REST))
+    vector = jnp.concatenate([pack(joint.layout, drive), jnp.zeros(joint.fitted[0].size)])
+    return judge(joint, Fitted(vector, joint.near(vector), 0.0, Ending.AT_REST))
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +235,7 @@ def test_a_model_that_runs_away_is_judged_and_not_nan(small):
 
 def test_views_and_errors_are_those_of_the_recordings(judged, small):
     recordings, joint = small
-    held_out = np.asarray(joint.fitted) == 0.0
+    held_out = np.asarray(joint.fitted[0]) == 0.0
     scene = Scene(joint.batch, held_out, 50.0, tuple(r.name for r in recordings))
     true, wrong = (view(judgement, scene) for judgement in judged)
     fits = recording_fits(recordings, scene, wrong, true, PLANT)

@@ -20,7 +20,7 @@ from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.diagnosis.selection import select
 from frictionjax.estimation.data.force_noise import sensor_noise, unrepeated
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
-from frictionjax.estimation.objective.joint import extend, make_joint
+from frictionjax.estimation.objective.robust import extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 from frictionjax.recordings import Case, Plant, Recording, load_case
@@ -39,7 +39,7 @@ def test_the_truth_leaves_the_noise():
     recordings = motion_case(drive).recordings
     batch = make_imposed_batch(recordings)
     joint, vector = make_joint(drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch))
-    e = np.asarray(joint.errors([vector])[0])
+    e = np.asarray(joint.errors_at([vector])[0])
     count = e.shape[1]
     for row in e:
         assert np.mean(row**2) == pytest.approx(1.0, abs=0.2)
@@ -54,7 +54,7 @@ def test_an_effect_is_simulated_as_it_is():
     added, start = extend(joint, vector, effect("MaxwellSlip", spread=1.2), plant_scales(ROTARY, batch))
     place = [free.label for free in added.layout].index("share")
     errors = errors_with_effect([added, added], [start, start.at[place].add(0.5)])
-    np.testing.assert_allclose(errors[0], joint.errors([vector])[0], atol=1e-6)
+    np.testing.assert_allclose(errors[0], joint.errors_at([vector])[0], atol=1e-6)
     power = jnp.mean(errors**2, axis=(1, 2))
     assert float(power[1]) == pytest.approx(1.0, abs=0.1)
     assert float(power[0]) > 10.0

@@ -25,7 +25,7 @@ from frictionjax.diagnosis.screening.score_test import _score_test, forms_to_try
 from frictionjax.diagnosis.selection.decide import SIGNIFICANCE, effect_p_values
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import make_joint
+from frictionjax.estimation.objective.robust import make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 

@@ -19,7 +19,7 @@ from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -35,7 +35,7 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
     joint, vector = extend(joint, vector, effect("Backlash"), plant_scales(PLANT, batch))
     place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "ratio")
     hung = uncoupled(joint, vector.at[place].set(0.3 / joint.layout[place].scale))
-    drive = joint.drive(hung)
+    drive = joint.drive_of(hung)
     side = drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(0.3, rel=1e-12)
     factor = 1.0 if known else 1.0 / 0.7
@@ -109,7 +109,7 @@ def test_the_valley_undoes_what_a_step_does(driven):
     trial = min(tried["load_dependence"], key=lambda t: t.shown)
     joint, base = extend(present.joint, present.vector, trial.form, scales)
     place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "growth")
-    plain, stepped, undone = joint.errors([base, base.at[place].set(trial.valley[place]), trial.valley])
+    plain, stepped, undone = joint.errors_at([base, base.at[place].set(trial.valley[place]), trial.valley])
     shown, left = (float(jnp.mean((errors - plain) ** 2)) for errors in (stepped, undone))
     assert trial.absorbed > 0.999
     assert left < 0.05 * shown

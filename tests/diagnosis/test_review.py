@@ -26,7 +26,7 @@ from frictionjax.diagnosis.selection.moves import (
 )
 from frictionjax.diagnosis.selection.select import select, together
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.physics import Drive, catalogue
 
 
@@ -66,7 +66,7 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     alone = with_effect(base, "lag", scales)
     full = with_effect(with_effect(base, "load", scales), "lag", scales)
     rest = with_some(base, full, [1], scales)
-    assert [type(e).__name__ for e in rest.joint.setting.drive.effects] == ["DriveLag"]
+    assert [type(e).__name__ for e in rest.joint.drive.effects] == ["DriveLag"]
     # The load that is missing leaves sigma2 and vs in a flat valley: from the better start it ends a little lower.
     assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-2)
     assert rest.fitted.misfit < alone.fitted.misfit * (1.0 + 1e-3)

@@ -19,13 +19,8 @@ from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation import starting_values
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import (
-    FAST_BANDWIDTH,
-    SLOW_BANDWIDTH,
-    extend,
-    losses_of,
-    make_joint,
-)
+from frictionjax.estimation.objective.misfit import losses_of
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -91,18 +86,18 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
     rigid, start, joint, vector = behind_a_gap
     true = _at(joint, vector, TRUE | {"drag": DRAG})
     kept = told(joint, true)
-    blocks = np.asarray(joint.batch.block_mean(kept.setting.weight))
+    blocks = np.asarray(kept.weights[0]).reshape(joint.batch.block_count.shape)
     scored = np.asarray(joint.batch.block_count) > 0
     left = [np.mean(row[own]) for row, own in zip(blocks, scored, strict=True)]
     assert left[2] < 0.5 < min(left[0], left[3])  # loud noise; quiet noise, moves
     # Everything is judged as before, and what was left out moves nothing.
     np.testing.assert_array_equal(kept.powers([true])[0], joint.powers([true])[0])
-    before, after = kept.look(true), joint.look(true)
+    before, after = kept.near(true), joint.near(true)
     lost = losses_of(np.asarray(after.power), joint.batch)[blocks == 0.0].sum()
     assert lost > 0.0 and float(before.cost) == pytest.approx(float(after.cost) - lost)
     # A rigid machine answers to the force by less than its noise everywhere.
     whole = told(rigid, start)
-    np.testing.assert_array_equal(whole.setting.weight, rigid.setting.weight)
+    np.testing.assert_array_equal(whole.weights[0], rigid.weights[0])
 
 
 @pytest.mark.parametrize(
@@ -113,14 +108,14 @@ def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge)
     joint, vector = behind_a_gap[2:]
     found = searched(joint, vector + nudge, DEFLECTION, TRUE["ratio"])
     assert found is not None
-    side = joint.drive(found).load_side
+    side = joint.drive_of(found).load_side
     assert side is not None
     assert float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
     assert 2.0 * float(side.half_gap) == pytest.approx(TRUE["gap"], rel=0.3)
     assert float(side.drag) == pytest.approx(DRAG, rel=0.3)
     # In all blocks even the truth leaves half: what is chaotic. Where it is not, most of the cost is the missing gap.
     kept = told(joint, _at(joint, vector, TRUE | {"drag": DRAG}))
-    assert kept.look(found).cost < 0.4 * kept.look(_at(joint, vector, {"ratio": 1e-6})).cost
+    assert kept.near(found).cost < 0.4 * kept.near(_at(joint, vector, {"ratio": 1e-6})).cost
 
 
 @pytest.mark.parametrize(
@@ -130,7 +125,7 @@ def test_a_search_without_a_ratio_tries_some(behind_a_gap, nudge):
     joint, vector = behind_a_gap[2:]
     found = searched(joint, vector + nudge, DEFLECTION, None)
     assert found is not None
-    side = joint.drive(found).load_side
+    side = joint.drive_of(found).load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
 
 
@@ -189,7 +184,7 @@ def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
     assert any(r.effect == "backlash" for r in without) == alone
     # Of all blocks chaos leaves more than half, with or without a search. In those that the fit sees the gap tells.
     kept, end = found.model.joint, found.model.fitted
-    assert end.look.cost < 0.4 * kept.look(_at(kept, end.vector, {"ratio": 1e-6})).cost
-    assert np.any(np.asarray(found.model.joint.setting.weight) < np.asarray(rigid.batch.valid))
+    assert end.near.cost < 0.4 * kept.near(_at(kept, end.vector, {"ratio": 1e-6})).cost
+    assert np.any(np.asarray(found.model.joint.weights[0]) < 1.0)
     side = found.model.judgement.drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)

@@ -13,9 +13,8 @@ from frictionjax.diagnosis.evidence.step_length import MOST, steps_needed, with_
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.evidence.residuals import standardised
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
-from frictionjax.estimation.objective.look import sum_clusters
+from frictionjax.estimation.evidence.power import sum_clusters
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 
 QUIET = 0.02
@@ -54,8 +53,7 @@ def test_blocks_that_no_fit_sees_ask_for_no_steps(quiet):
     one, finest = (with_steps(joint, n).powers([vector])[0] for n in (1, 16))
     error = np.abs(one - finest)
     calm = jnp.asarray(np.where(error < 0.05 * np.quantile(error[error > 0.0], 0.9), 1.0, 0.0))
-    weight = joint.setting.weight * jnp.repeat(calm, joint.batch.block, axis=1)
-    masked = eqx.tree_at(lambda own: own.setting.weight, joint, weight)
+    masked = eqx.tree_at(lambda own: own.weights, joint, (joint.weights[0] * calm.ravel(),))
     assert steps_needed(masked, vector) == 1 < steps_needed(joint, vector)
 
 
@@ -64,8 +62,8 @@ def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
     finer = with_steps(joint, 2)
     assert finer.batch.substeps == 2
     count = len(joint.layout)
-    expected = standardised(joint.drive(vector), vector[count:], joint.batch, joint.setting.gains, finer=2)
-    np.testing.assert_allclose(finer.errors([vector])[0], expected, rtol=1e-6, atol=1e-6)
+    expected = joint.recordings.standardised(joint.drive_of(vector), vector[count:], finer=2)
+    np.testing.assert_allclose(finer.errors_at([vector])[0], expected, rtol=1e-6, atol=1e-6)
     # An effect of no strength, injected, changes nothing at either.
     for own in (joint, finer):
         present = present_model(own, vector)
@@ -111,7 +109,7 @@ def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
     assert batch.substeps == 5
     start = fj.Drive(J=0.1, friction=fj.LuGre(sigma0=1000.0, sigma1=5.0, sigma2=0.02, Fc=1.0, Fs=1.8, vs=0.1))
     found = base_fit((start,), recordings, encoder_step=noise)
-    drive = found.joint.drive(found.fitted.vector)
+    drive = found.joint.drive_of(found.fitted.vector)
     assert found.fitted.misfit < ADEQUATE_MISFIT
     for name in ("sigma0", "sigma1", "Fc", "Fs"):
         np.testing.assert_allclose(getattr(drive.friction, name), getattr(friction, name), rtol=0.02)

@@ -7,7 +7,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
 from frictionjax.estimation.data.batch import make_batch, noise_level, rows_of, what_was_before
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
 

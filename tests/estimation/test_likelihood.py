@@ -8,20 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, VOLT, closed_loop, moves, open_loop, stick_noise
-from helpers_objective import Innovations
+from helpers_objective import under
 from scipy.optimize import least_squares, minimize
 
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.evidence.residuals import block_power, standardised
-from frictionjax.estimation.objective.joint import losses_of, make_joint, misfit_of
-from frictionjax.estimation.objective.look import told_columns
+from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.loss import Cauchy, Gaussian, Huber
-from frictionjax.estimation.objective.setting import predicted_errors
-from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.objective.misfit import losses_of, misfit_of
+from frictionjax.estimation.objective.quadratic import all_columns
+from frictionjax.estimation.objective.robust import graduated, make_joint
 
-_lanes = eqx.filter_jit(jax.vmap(predicted_errors, (None, 0, None)))
+
+@eqx.filter_jit
+def _lanes(posterior, vectors):
+    e = jax.vmap(lambda vector: posterior.errors(vector, 0))(vectors)
+    return e.reshape(vectors.shape[0], posterior.batch.x.shape[0], -1)
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +47,8 @@ def problem(batch):
 @pytest.fixture(scope="module")
 def slopes(problem):
     """Innovations and Jacobian at the true parameters."""
-    seen = problem[0].seen(problem[1])
-    e, jacobian = seen.e, told_columns(seen, problem[0].batch.block)
+    (there,) = problem[0].evaluated(problem[1])
+    e, jacobian = there.e, all_columns(there)
     return problem[0].layout, np.asarray(e), np.asarray(jacobian)
 
 
@@ -64,8 +67,8 @@ def _apart(derivative, difference):
 
 def test_jacobian_agrees_with_central_differences(problem, slopes):
     """To second order in the step: the derivatives of the step's matrix are left out, which costs half a percent."""
-    layout, _, jacobian = slopes
-    difference = _central(lambda q: _lanes(layout, q, problem[0].setting), np.asarray(problem[1]), 1e-5)
+    _, _, jacobian = slopes
+    difference = _central(lambda q: _lanes(problem[0], q), np.asarray(problem[1]), 1e-5)
     apart = _apart(jacobian, difference)
     assert np.max(apart) < 0.01
     # It is no accident of rounding that they differ: what is left out is there.
@@ -75,11 +78,10 @@ def test_jacobian_agrees_with_central_differences(problem, slopes):
 @pytest.mark.slow
 def test_what_the_jacobian_leaves_out_is_of_second_order(problem, batch):
     """Half the step, a quarter of the difference, for every parameter that moves the innovations of the stick."""
-    setting, vector, count = problem[0].setting, np.asarray(problem[1]), len(problem[0].layout)
+    posterior, vector, count = problem[0], np.asarray(problem[1]), len(problem[0].layout)
 
     def errors(q, substeps):
-        drive = unpack(problem[0].layout, PLANT, q[:count], setting.start[:count])
-        return standardised(drive, q[count:], batch, setting.gains, finer=substeps)[0]
+        return posterior.recordings.standardised(posterior.drive_of(q), q[count:], finer=substeps)[0]
 
     apart = []
     for substeps in (1, 2):
@@ -111,21 +113,22 @@ def _differences(function, vector, step):
 
 
 @pytest.mark.parametrize("knee", [1.0, 20.0])
-def test_the_look_is_a_cauchy_likelihood(problem, knee):
+def test_the_robust_cost_is_a_cauchy_likelihood(problem, knee):
     """Cost by hand from the block powers; and the gradient is its slope, up to what the Jacobian leaves out."""
     joint, vector = problem
     away = vector + jnp.asarray([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.1, 0.1])
-    look = joint.look(away, knee)
+    joint = graduated(joint, knee)
+    near = joint.near(away)
     power, count = joint.powers([away])[0], np.asarray(joint.batch.block_count)
-    np.testing.assert_allclose(look.power, power, rtol=1e-9)
-    off = np.asarray((away - joint.setting.start) * joint.setting.prior)
-    cost = 0.5 * np.sum(count * np.log((power + knee) / (2.0 * knee))) + 0.5 * off @ off
-    assert float(look.cost) == pytest.approx(cost, rel=1e-9)
-    slope = _differences(lambda q: float(joint.look(jnp.asarray(q), knee).cost), np.asarray(away), 1e-5)
-    size = np.sqrt(np.diag(look.hessian))
-    assert np.max(np.abs(np.asarray(look.gradient) - slope) / size) < 0.01 * np.max(np.abs(slope) / size)
-    np.testing.assert_allclose(look.hessian, np.asarray(look.hessian).T, rtol=1e-9, atol=1e-6)
-    assert np.min(np.linalg.eigvalsh(look.hessian)) > 0.0
+    np.testing.assert_allclose(near.powers[0], power, rtol=1e-9)
+    off = np.asarray((away - joint.start) * joint.prior)
+    cost = np.sum(count * np.log((power + knee) / knee)) + 0.5 * off @ off
+    assert float(near.cost) == pytest.approx(cost, rel=1e-9)
+    slope = _differences(lambda q: float(joint.near(jnp.asarray(q)).cost), np.asarray(away), 1e-5)
+    size = np.sqrt(np.diag(near.hessian))
+    assert np.max(np.abs(np.asarray(near.gradient) - slope) / size) < 0.01 * np.max(np.abs(slope) / size)
+    np.testing.assert_allclose(near.hessian, np.asarray(near.hessian).T, rtol=1e-9, atol=1e-6)
+    assert np.min(np.linalg.eigvalsh(near.hessian)) > 0.0
 
 
 def test_misfit_is_zero_at_the_floor_and_the_logarithm_far_above(batch):
@@ -164,15 +167,15 @@ def test_two_roads_of_least_squares(problem, loss):
     """optimistix on the compressed cost, in forward mode, against scipy on one residual for every sample, with
     numerical derivatives. A block's residuals are its errors times sqrt(rho(b)/b): their squares sum to n rho(b)."""
     made, vector = problem
-    setting, layout, batch = made.setting, made.layout, made.setting.batch
+    batch = made.batch
     away = np.asarray(vector) + np.array([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.0, 0.1])
 
     def residual(points):
-        e = _lanes(layout, jnp.asarray(points), setting)
+        e = _lanes(made, jnp.asarray(points))
         power = jax.vmap(lambda lane: block_power(lane, batch))(e)
         safe = jnp.where(power > 0.0, power, 1.0)
         root = jnp.repeat(jnp.sqrt(loss.cost(safe) / safe), batch.block, axis=-1)
-        prior = (points - np.asarray(setting.start)) * np.asarray(setting.prior)
+        prior = (points - np.asarray(made.start)) * np.asarray(made.prior)
         return np.concatenate([np.asarray(e * root).reshape(len(points), -1), prior], axis=1)
 
     def slope(q):
@@ -181,7 +184,7 @@ def test_two_roads_of_least_squares(problem, loss):
         return ((moved[: q.size] - moved[q.size :]) / 2e-5).T
 
     scipys = least_squares(lambda q: residual(q[None])[0], away, slope, xtol=1e-12, ftol=1e-12, gtol=1e-10)
-    objective = Innovations(layout, setting, loss)
+    objective = under(made, loss)
     unit = equal_curvature(objective, jnp.asarray(away))
     ours, least, count, _ = levenberg_marquardt(objective, jnp.asarray(away), unit, 60, tolerance=1e-4)
     assert 1 < int(count) < 60
@@ -196,7 +199,7 @@ def test_two_roads_of_least_squares(problem, loss):
 def test_a_failing_step_keeps_the_best_vector(problem):
     """From a start whose run overflows, nothing is thrown and nothing is lost."""
     made, vector = problem
-    start, objective = vector.at[0].set(jnp.nan), Innovations(made.layout, made.setting, Cauchy())
+    start, objective = vector.at[0].set(jnp.nan), under(made, Cauchy())
     unit = equal_curvature(objective, start)
     assert bool(jnp.all(jnp.isfinite(unit)))
     found = levenberg_marquardt(objective, start, unit, 60).vector
@@ -205,7 +208,7 @@ def test_a_failing_step_keeps_the_best_vector(problem):
 
 def test_units_have_equal_curvature(problem):
     made, vector = problem
-    objective = Innovations(made.layout, made.setting, Cauchy())
+    objective = under(made, Cauchy())
     unit = np.asarray(equal_curvature(objective, vector))
     bent = unit[:, None] * np.asarray(objective.quadratic(vector).hessian) * unit[None]
     np.testing.assert_allclose(np.diag(bent), np.diag(bent)[0], rtol=1e-9)
@@ -218,18 +221,18 @@ def test_a_robust_descent_ends_where_scipy_does(problem):
     found = descend(joint, jnp.asarray(away), tolerance=1e-6)
     assert found.converged
     assert found.misfit == pytest.approx(joint.misfits([found.vector])[0], rel=1e-9)
-    unit = 1.0 / np.sqrt(np.diag(found.look.hessian))
+    unit = 1.0 / np.sqrt(np.diag(found.near.hessian))
     ends = minimize(
-        lambda step: float(joint.look(jnp.asarray(np.asarray(found.vector) + unit * step)).cost),
+        lambda step: float(joint.near(jnp.asarray(np.asarray(found.vector) + unit * step)).cost),
         np.zeros(away.size),
         jac=lambda step: (
-            unit * np.asarray(joint.look(jnp.asarray(np.asarray(found.vector) + unit * step)).gradient)
+            unit * np.asarray(joint.near(jnp.asarray(np.asarray(found.vector) + unit * step)).gradient)
         ),
         method="BFGS",
         options={"gtol": 1e-2, "maxiter": 40},
     )
-    assert float(found.look.cost) < ends.fun + 0.02
-    assert float(found.look.cost) < 0.5 * float(joint.look(jnp.asarray(away)).cost)
+    assert float(found.near.cost) < ends.fun + 0.02
+    assert found.misfit < 0.5 * joint.misfits([away])[0]
 
 
 @pytest.mark.parametrize("deflection", [-0.5, 0.3])
@@ -247,19 +250,19 @@ def test_a_known_starting_deflection_is_recovered_in_a_recording_kept_aside(defl
     assert float(found.vector[-2]) == pytest.approx(deflection, abs=0.15)
     assert float(found.vector[-1]) == pytest.approx(0.0, abs=0.02)
     for row in (0, 1):
-        assert np.asarray(found.look.power)[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
+        assert np.asarray(found.near.powers[0])[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
 
 
 def test_no_parameter_sees_a_recording_kept_aside(batch):
     """Whatever it holds: here its input is another one, and its power dozens of times the noise."""
     joint, vector = make_joint(PLANT, batch, np.array([False, True]))
-    spoiled = eqx.tree_at(lambda j: j.setting.batch.u, joint, batch.u.at[1].multiply(1.2))
+    spoiled = eqx.tree_at(lambda j: j.evidence[0].batch.u, joint, batch.u.at[1].multiply(1.2))
     start = vector.at[0].add(0.05)
     ends = [descend(one, start) for one in (joint, spoiled)]
     np.testing.assert_allclose(ends[0].vector[:8], ends[1].vector[:8], rtol=0, atol=1e-9)
     assert ends[0].misfit == pytest.approx(ends[1].misfit, rel=1e-9)
     scored = np.asarray(batch.block_count)[1] > 0
-    assert np.asarray(ends[1].look.power)[1][scored].mean() > 20.0
+    assert np.asarray(ends[1].near.powers[0])[1][scored].mean() > 20.0
 
 
 def test_layouts_of_other_numbers_have_one_structure(problem):

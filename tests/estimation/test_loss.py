@@ -5,15 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
-from helpers_objective import Innovations
+from helpers_objective import under
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionjax.estimation import Cauchy, Gaussian, Huber
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.levenberg_marquardt import small_residuals
-from frictionjax.estimation.objective.joint import make_joint
-from frictionjax.estimation.objective.quadratic import Quadratic, quadratic_of
+from frictionjax.estimation.objective.quadratic import Evaluation, Place, Quadratic, quadratic_of
+from frictionjax.estimation.objective.robust import make_joint
 
 LOSSES = (Gaussian(), Cauchy(), Cauchy(0.1), Cauchy(30.0), Huber(), Huber(0.5))
 POWERS = jnp.asarray(np.geomspace(1e-6, 1e9, 400))
@@ -120,7 +120,10 @@ def test_a_few_residuals_stand_for_any_robust_cost(seed, loss, size):
 
     def near(q):
         e = jnp.asarray(offset) + jnp.einsum("q,qbn->bn", q, jnp.asarray(columns))
-        return quadratic_of(e, jnp.asarray(columns), jnp.asarray(count), loss, share)
+        power = jnp.sum(e * e, axis=1) / jnp.maximum(jnp.asarray(count), 1.0)
+        sound = jnp.ones((1, 4), dtype=bool)
+        there = Evaluation(e.reshape(1, -1), power[None], jnp.asarray(columns).reshape(3, 1, -1), sound)
+        return quadratic_of(there, jnp.asarray(count), loss, share, Place(3, 3, 0, 3), jnp.ones(1))
 
     point = jnp.asarray(rng.standard_normal(3))
     found = near(point)
@@ -144,7 +147,7 @@ def test_a_few_residuals_stand_for_recordings(problem, loss):
     made, vector = problem
     away = vector + 0.1 * jnp.asarray(np.random.default_rng(0).standard_normal(vector.shape[0]))
     for point in (vector, away):
-        _check(Innovations(made.layout, made.setting, loss).quadratic(point))
+        _check(under(made, loss).quadratic(point))
 
 
 def test_costs_add_up():

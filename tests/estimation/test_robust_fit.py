@@ -25,13 +25,14 @@ from frictionjax.diagnosis.base_model.fit_base import message_of, parameters_of,
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.estimation import starting_values
+from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Ending, Fitted, _step, descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import cautious_covariance, estimates
+from frictionjax.estimation.uncertainty import covariance_of, estimates
 from frictionjax.physics import Drive
 
 KM = float(PLANT.motor_constant)
@@ -101,14 +102,11 @@ def test_standard_errors_carry_units(parameters):
 
 
 def test_the_covariance_is_one(fitted, parameters):
-    look = fitted.fitted.look
-    hessian, clusters = np.asarray(look.hessian), np.asarray(look.clusters)
-    own, prior = (
-        fitted.joint.curvatures(fitted.joint.seen(fitted.fitted.vector)),
-        np.asarray(fitted.joint.setting.prior),
-    )
+    joint, near = fitted.joint, fitted.fitted.near
+    evaluations, hessian = joint.evaluated(fitted.fitted.vector), np.asarray(near.hessian)
+    (own,), prior = joint.curvatures(evaluations), np.asarray(joint.prior)
     np.testing.assert_allclose(own.sum(axis=0) + np.diag(prior**2), hessian, atol=1e-9 * hessian.max())
-    covariance = cautious_covariance(hessian, clusters, own, prior, fitted.joint.batch.x.shape[0])
+    covariance = covariance_of(joint, evaluations, near)
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
@@ -120,9 +118,9 @@ def test_the_covariance_is_one(fitted, parameters):
 def test_clusters_add_up_to_the_gradient(fitted):
     """But for the prior, the gradient of the cost that was brought down is the sum over clusters of 0.5 s."""
     joint, vector = fitted.joint, fitted.fitted.vector
-    clusters = np.asarray(fitted.fitted.look.clusters)
-    off = (vector - joint.setting.start) * joint.setting.prior**2
-    gradient = np.asarray(joint.look(vector).gradient - off)
+    clusters = np.asarray(fitted.fitted.near.clusters[0])
+    off = (vector - joint.start) * joint.prior**2
+    gradient = np.asarray(joint.near(vector).gradient - off)
     size = np.sqrt(np.sum(np.asarray(clusters) ** 2, axis=0))
     np.testing.assert_allclose(np.sum(clusters, axis=0) / size, gradient / size, atol=1e-9)
 
@@ -136,7 +134,7 @@ def test_progress_is_told_in_order(fitted, told):
 
 def test_new_numbers_do_not_compile_again(fitted):
     """Numbers are data: new recordings of the same shapes, and new starts, go through the same programs."""
-    start = fitted.joint.setting.drive
+    start = fitted.joint.drive
     base_fit((start, start), experiment(seed=1))
     clock = CompileClock()
     again = base_fit((_other_start(J=1.02), _other_start(J=0.9, Fc=1.1, vs=2.0)), experiment(seed=2))
@@ -148,7 +146,7 @@ def test_new_numbers_do_not_compile_again(fitted):
 
 
 def test_the_best_of_several_starts_goes_on(fitted, parameters):
-    first = fitted.joint.setting.drive
+    first = fitted.joint.drive
     hopeless = eqx.tree_at(
         lambda d: (d.friction.sigma0, d.friction.vs),
         first,
@@ -195,7 +193,7 @@ def quiet():
 
 
 def _ended(joint, vector, ending=Ending.AT_REST):
-    fitted = Fitted(vector, joint.look(vector), float(joint.misfits([vector])[0]), ending)
+    fitted = Fitted(vector, joint.near(vector), float(joint.misfits([vector])[0]), ending)
     return Model(joint, fitted, judge(joint, fitted))
 
 
@@ -205,7 +203,7 @@ def test_messages_are_sentences(quiet):
     assert (
         message_of(_ended(joint, vector, Ending.STEPS)) == "The fit stopped while still improving slightly."
     )
-    end = _ended(joint, vector.at[0].set(joint.setting.start[0] + 2.0))
+    end = _ended(joint, vector.at[0].set(joint.start[0] + 2.0))
     assert message_of(end) == "At the end of its range: J."
     assert not parameters_of(end, UNITS)["J"].identified
     assert parameters_of(end, UNITS)["J"].stderr == float("inf")
@@ -219,9 +217,9 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(qu
     more, longer = extend(joint, vector, effect("FrictionLag"), plant_scales(PLANT, joint.batch))
     place = len(more.layout) - 1
     for now, longest in ((0.0, 1.5), (20.0, 20.0)):
-        look = more.look(longer)
-        slope = jnp.zeros_like(look.gradient).at[jnp.asarray([0, place])].set(-1e6)
-        far = eqx.tree_at(lambda l: (l.gradient, l.hessian), look, (slope, jnp.eye(slope.size)))
+        near = more.near(longer)
+        slope = jnp.zeros_like(near.gradient).at[jnp.asarray([0, place])].set(-1e6)
+        far = eqx.tree_at(lambda n: (n.gradient, n.hessian), near, (slope, jnp.eye(slope.size)))
         step = _step(more, np.asarray(longer.at[place].set(now)), far, 0.0)
         assert step[place] == longest
         assert step[0] == 1.5
@@ -241,7 +239,7 @@ def test_an_elastic_core_that_starts_bent_is_found_in_a_recording_kept_aside():
     joint, vector = make_joint(drive, batch, np.array([False, True]), scales=scales)
     found = descend(joint.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
     assert float(found.vector[-1]) == pytest.approx(0.05, rel=0.02)
-    assert float(np.median(np.asarray(found.look.power)[1])) == pytest.approx(1.0, abs=0.15)
+    assert float(np.median(np.asarray(found.near.powers[0])[1])) == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_descent_from_an_overflow_ends_where_it_began(quiet):
@@ -267,8 +265,10 @@ def test_every_free_parameter_has_a_row_of_its_own(quiet):
     drive = PLANT.with_effects(effect("Ripple"), effect("PeriodicPositionDependence"))
     layout = effect_layout(drive, {"Fc": 0.5})
     vector = pack(layout, drive)
-    setting = eqx.tree_at(lambda s: (s.drive, s.start), quiet[0].setting, (drive, vector))
-    assert len(estimates(layout, vector, setting, np.eye(6), {})) == 6
+    posterior = eqx.tree_at(
+        lambda p: (p.constraints, p.drive, p.start), quiet[0], (Constraints(layout, (), ()), drive, vector)
+    )
+    assert len(estimates(posterior, vector, np.eye(6), {})) == 6
 
 
 def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
@@ -280,7 +280,7 @@ def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
     assert longer.shape[0] == vector.shape[0] + 2
     assert float(longer[-1]) == 0.1
     assert more.misfits([longer])[0] == pytest.approx(joint.misfits([vector])[0], rel=1e-9)
-    assert float(more.look(longer).cost) == pytest.approx(float(joint.look(vector).cost), rel=1e-9)
+    assert float(more.near(longer).cost) == pytest.approx(float(joint.near(vector).cost), rel=1e-9)
 
 
 @pytest.mark.slow
@@ -299,7 +299,7 @@ def test_finer_steps_take_out_what_one_step_a_sample_costs():
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     found = descend(slow, vector, graduate=False)
     parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
-    coarse, expected = truth(slow.drive(found.vector)), truth(PLANT)
+    coarse, expected = truth(slow.drive_of(found.vector)), truth(PLANT)
     fine = {name: estimate.value for name, estimate in parameters.items()}
 
     def farthest(values):
@@ -313,16 +313,16 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
     joint, vector = fitted.joint, fitted.fitted.vector
     away = vector.at[1].add(0.5)
-    kept, led_away = at_finer_steps(joint, away, joint.look(away), joint.seen(away))
+    kept, led_away = at_finer_steps(joint, away, joint.near(away), joint.evaluated(away)[0])
     np.testing.assert_array_equal(kept, away)
     assert led_away
     far = told_parameters(
-        Model(joint, Fitted(away, joint.look(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
+        Model(joint, Fitted(away, joint.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
     )
     assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert told_parameters(fitted, UNITS)[1] == ""
-    lost = eqx.tree_at(lambda look: look.hessian, fitted.fitted.look, fitted.fitted.look.hessian * np.nan)
-    kept, led_away = at_finer_steps(joint, vector, lost, joint.seen(vector))
+    lost = eqx.tree_at(lambda near: near.hessian, fitted.fitted.near, fitted.fitted.near.hessian * np.nan)
+    kept, led_away = at_finer_steps(joint, vector, lost, joint.evaluated(vector)[0])
     np.testing.assert_array_equal(kept, vector)
     assert not led_away
 
@@ -332,7 +332,7 @@ def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
     scales = plant_scales(PLANT, fitted.joint.batch)
     for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
         joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
-        with_effect = Fitted(vector, joint.look(vector), 0.0, Ending.AT_REST)
+        with_effect = Fitted(vector, joint.near(vector), 0.0, Ending.AT_REST)
         model = Model(joint, with_effect, judge(joint, with_effect))
         told = told_parameters(model, UNITS)[1]
         assert told.startswith(said)

@@ -10,7 +10,7 @@ from helpers_plants import FORMS
 
 from frictionjax.diagnosis.screening.linearised import BESIDE, present_model
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.joint import extend, make_joint
+from frictionjax.estimation.objective.robust import extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 
 # One form of each slot; the others are slow tests.
@@ -57,7 +57,7 @@ def test_signals_do_what_the_effect_does(present, form):
     place = len(present.joint.layout)
     stepped = vector.at[place].add(0.2 * FORMS[form].strengths[0].probes[0])
     told = change(present.injected([joint], [stepped]), present)
-    true = change(joint.errors([stepped]), present)
+    true = change(joint.errors_at([stepped]), present)
     size = np.sqrt(np.mean(true**2))
     near, nearest = LOOSE.get(form, (NEAR, NEAREST))
     assert size > 0.0

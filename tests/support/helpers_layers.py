@@ -25,7 +25,7 @@ MAY_IMPORT = {unit: set(STEPS[:place]) for place, unit in enumerate(STEPS)} | {
 ROOMS = {
     "estimation": [
         *("parameters", "constraints", "data", "start", "evidence", "scales"),
-        *("objective", "descent", "uncertainty", "result", "fit", "fit_many", "profile"),
+        *("objective", "uncertainty", "descent", "result", "fit", "fit_many", "profile"),
     ],
     "diagnosis": [
         *("explain", "quantities", "verdict", "evidence", "intake", "base_model"),

@@ -13,7 +13,7 @@ from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.selection.decide import Step
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 
 HELD_OUT = np.array([False, False, True, True])

@@ -13,14 +13,14 @@ import numpy as np
 from benchmarks.concealed.rivals.ground import Ground
 from benchmarks.concealed.rivals.largest_r2 import r2_of
 from frictionjax.estimation.descent.robust import Fitted, descend
-from frictionjax.estimation.objective.joint import Joint
+from frictionjax.estimation.objective.posterior import Posterior
 
 _STEPS = 6
 
 
-def criterion(joint: Joint, fitted: Fitted) -> float:
+def criterion(joint: Posterior, fitted: Fitted) -> float:
     """BIC: twice the negative log-likelihood, plus log n for each parameter."""
-    rows = np.asarray(joint.fitted)[:, None]
+    rows = np.asarray(joint.fitted[0])[:, None]
     samples = float(np.sum(np.asarray(joint.batch.block_count) * rows))
     return 2.0 * fitted.misfit * samples + len(joint.layout) * float(np.log(samples))
 

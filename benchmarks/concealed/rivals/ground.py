@@ -15,7 +15,8 @@ from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.periods import wavelengths
 from frictionjax.diagnosis.screening.score_test import forms_to_try
 from frictionjax.estimation.data.batch import Batch, make_batch
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, Joint, extend, make_joint
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
@@ -26,7 +27,7 @@ class Column:
 
     effect: str
     form: AbstractEffect
-    joint: Joint
+    joint: Posterior
     vector: np.ndarray
     values: np.ndarray
 
@@ -39,7 +40,7 @@ class Ground:
     drive: fj.Drive
     batch: Batch
     held_out: np.ndarray
-    joint: Joint
+    joint: Posterior
     vector: np.ndarray
     scales: dict[str, float] = field(repr=False)
 

@@ -8,16 +8,10 @@ speed nobody beats who expects constant speed, and one break-away that is predic
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
-from frictionjax.estimation.data.no_model import innovations_without_model
-from frictionjax.estimation.objective.joint import Joint
-from frictionjax.estimation.objective.look import CLUSTER_BLOCKS
+from frictionjax.estimation.data.batch import CLUSTER
 
 _HALF = 0.5  # of the energy
 _SURE = 3.0  # standard errors
@@ -48,7 +42,7 @@ class Credibility(NamedTuple):
 def credibility(model: Model) -> Credibility:
     """Hold the fitted `model` against no model."""
     joint = model.joint
-    none = np.asarray(joint.batch.block_mean(_without_model(joint) ** 2))
+    none = np.asarray(joint.batch.block_mean(joint.recordings.without_model() ** 2))
     told, count = model.judgement.power, np.asarray(joint.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)
     failed = tuple(
@@ -57,16 +51,6 @@ def credibility(model: Model) -> Credibility:
         if not _better(*_compared(none[row : row + 1], told[row : row + 1], count[row : row + 1]))
     )
     return Credibility(*_compared(none[rows], told[rows], count[rows]), failed)
-
-
-def _without_model(joint: Joint) -> Float[Array, "r n"]:
-    """Standardised errors of no model: the machine keeps its speed; under an imposed motion friction is constant."""
-    batch = joint.batch
-    if isinstance(batch, ImposedBatch):
-        mean = jnp.sum(batch.force * batch.valid, axis=1) / jnp.sum(batch.valid, axis=1)
-        return (batch.force - mean[:, None]) / (batch.noise * batch.ease)[:, None] * batch.valid
-    assert isinstance(batch, Batch)
-    return jnp.asarray(innovations_without_model(batch, joint.setting.gains))
 
 
 def _better(energy: float, lead: float) -> bool:
@@ -80,8 +64,8 @@ def _compared(none: np.ndarray, told: np.ndarray, count: np.ndarray) -> tuple[fl
     seen = count * (np.maximum(none, told) > _SEEN)
     before, after = (float(np.sum(seen * np.maximum(power - 1.0, 0.0))) for power in (none, told))
     gain = 0.5 * count * np.log((none + 1.0) / (told + 1.0))
-    short = -gain.shape[1] % CLUSTER_BLOCKS
-    clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
+    short = -gain.shape[1] % CLUSTER
+    clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER).sum(-1)
     clusters = clusters[clusters != 0.0]
     lead = 0.0
     if clusters.size >= _FEW:

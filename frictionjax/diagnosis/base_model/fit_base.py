@@ -11,12 +11,13 @@ from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import Beginning
-from frictionjax.estimation.data.batch import AbstractBatch, Batch
+from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Fitted, descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH, Joint, make_joint
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.estimation.parameters import at_a_bound
-from frictionjax.estimation.uncertainty import cautious_covariance, estimates
+from frictionjax.estimation.uncertainty import covariance_of, estimates
 from frictionjax.physics import Drive
 
 _SETTLING = 8  # steps of a descent without what cannot be foreseen
@@ -83,7 +84,7 @@ def fit_base(
 
 def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model`, without the error of the integration, with standard errors
-    that are rather large than small (`cautious_covariance`).
+    that are rather large than small (`clustered_covariance`).
 
     **Arguments:**
 
@@ -102,36 +103,26 @@ def told_parameters(
     integration: what it lacks bends its parameters by far more."""
     chaotic = is_chaotic(model)
     joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force)
-    vector, away, seen = fitted.vector, False, joint.seen(fitted.vector)
+    vector, away, evaluations = fitted.vector, False, joint.evaluated(fitted.vector)
     if not lacking:
-        vector, away = at_finer_steps(joint, fitted.vector, fitted.look, seen)
+        vector, away = at_finer_steps(joint, fitted.vector, fitted.near, evaluations[0])
     # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
-    hessian, clusters = np.asarray(fitted.look.hessian), np.asarray(fitted.look.clusters)
-    if np.all(np.isfinite(hessian)) and np.all(np.isfinite(clusters)):
-        covariance = cautious_covariance(
-            hessian,
-            clusters,
-            joint.curvatures(seen),
-            np.asarray(joint.setting.prior),
-            joint.batch.x.shape[0],
-        )
-    else:
-        covariance = np.full(hessian.shape, np.inf)
+    covariance = covariance_of(joint, evaluations, fitted.near)
     message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, chaotic)) if holds)
-    return estimates(joint.layout, vector, joint.setting, covariance, units), message
+    return estimates(joint, vector, covariance, units), message
 
 
-def _foreseen(model: Model, force: float) -> tuple[Joint, Fitted]:
+def _foreseen(model: Model, force: float) -> tuple[Posterior, Fitted]:
     """`model` fitted once more without the blocks that a `force` makes unpredictable; as it is where there are none, or
     where one of its parameters is hardly seen in the others."""
     joint, fitted = model.joint, model.fitted
-    if force == 0.0 or not isinstance(joint.batch, Batch):
+    if force == 0.0 or joint.batch.imposed:
         return joint, fitted
     calm, less = predictable(joint, fitted.vector, force)
     if not less:
         return joint, fitted
     again = descend(calm, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
-    curved = [np.asarray(one.look.hessian) for one in (fitted, again)]
+    curved = [np.asarray(one.near.hessian) for one in (fitted, again)]
     if not np.all(np.isfinite(curved)):
         return joint, fitted
     before, after = (np.linalg.pinv(hessian, hermitian=True) for hessian in curved)
@@ -144,6 +135,6 @@ def message_of(model: Model) -> str:
     """What is to be said of the fit: that it did not come to rest, or which parameters stopped at an end of their
     range; empty when there is nothing."""
     joint, count = model.joint, len(model.joint.layout)
-    ends = at_a_bound(joint.layout, model.fitted.vector[:count], joint.setting.start[:count])
+    ends = at_a_bound(joint.layout, model.fitted.vector[:count], joint.start[:count])
     said = [model.fitted.ending.value] if model.fitted.ending.value else []
     return " ".join(said + ([f"At the end of its range: {', '.join(ends)}."] if ends else []))

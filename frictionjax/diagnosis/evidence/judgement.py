@@ -4,10 +4,10 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.data.batch import AbstractBatch
+from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
 from frictionjax.estimation.descent.robust import Fitted
-from frictionjax.estimation.objective.joint import Joint, losses_of
-from frictionjax.estimation.objective.look import CLUSTER_BLOCKS
+from frictionjax.estimation.objective.misfit import losses_of
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
 
 ADEQUATE_MISFIT = 0.01
@@ -77,15 +77,15 @@ class Judgement(eqx.Module):
     def clusters(self, floor: np.ndarray) -> Float[np.ndarray, "r c"]:
         """Loss against the `floor` of each cluster of 0.5 s."""
         loss = losses_of(self.power, self.batch, floor)
-        short = -loss.shape[1] % CLUSTER_BLOCKS
-        return np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
+        short = -loss.shape[1] % CLUSTER
+        return np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER).sum(-1)
 
 
-def judge(joint: Joint, fitted: Fitted) -> Judgement:
-    """Judge what a descent of `joint` came to; only starting deflections have seen the recordings kept aside."""
-    power = np.nan_to_num(np.asarray(fitted.look.power), nan=1e30, posinf=1e30) * joint.batch.eased[:, None]
-    held_out = np.asarray(joint.fitted) == 0.0
-    return Judgement(joint.drive(fitted.vector), fitted.vector, power, held_out, joint.batch)
+def judge(joint: Posterior, fitted: Fitted) -> Judgement:
+    """Judge what a descent of `joint` came to; held-out recordings have chosen their starting deflections alone."""
+    power = np.nan_to_num(fitted.power, nan=1e30, posinf=1e30) * joint.batch.eased[:, None]
+    held_out = np.asarray(joint.fitted[0]) == 0.0
+    return Judgement(joint.drive_of(fitted.vector), fitted.vector, power, held_out, joint.batch)
 
 
 def explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:

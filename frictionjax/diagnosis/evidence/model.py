@@ -4,14 +4,14 @@ import equinox as eqx
 
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.estimation.descent.robust import Fitted
-from frictionjax.estimation.objective.joint import Joint
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
 
 
 class Model(eqx.Module):
     """A fitted structure: `joint` (slow observer), where the descent ended, `fitted`, and its `judgement`."""
 
-    joint: Joint
+    joint: Posterior
     fitted: Fitted
     judgement: Judgement
 

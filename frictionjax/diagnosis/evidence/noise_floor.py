@@ -10,12 +10,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.signal import lfilter
 
-from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
-from frictionjax.estimation.objective.joint import Joint
-from frictionjax.simulation import innovation_gain
+from frictionjax.estimation.objective.posterior import Posterior
 
 _DRAWS = 4
 _SMALL = 1e-4  # of Coulomb friction: small enough for a linear answer, far above rounding
@@ -52,24 +48,23 @@ class Answer(eqx.Module):
         return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
 
 
-def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
+def answer_to_force(joint: Posterior, vector: Float[Array, " q"]) -> Answer:
     """How the innovations of `joint` at `vector` answer to a small white force, held over each sample, and to noise.
 
     Where the motion is imposed the force is what is measured, and answers with all of itself everywhere.
     """
-    batch, drive = joint.batch, joint.drive(vector)
+    batch, drive, evidence = joint.batch, joint.drive_of(vector), joint.recordings
     scored = np.asarray(batch.block_count) > 0
     rng = np.random.default_rng(20020301)
-    if isinstance(batch, ImposedBatch):
+    if batch.imposed:
         whole = np.asarray(drive.friction.Fc / batch.noise)[:, None] ** 2 * scored
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
         return Answer(whole, noise, noise * whole, 0.0 * noise)
-    assert isinstance(batch, Batch)
-    plain = joint.errors([vector])[0]
+    plain = joint.errors_at([vector])[0]
     draws = []
     for _ in range(_DRAWS):
         change = np.nan_to_num(_parted(joint, vector, plain, _SMALL, rng) / _SMALL)
-        noise = _noise_alone(joint, rng)
+        noise = evidence.noise_alone(rng)
         products = (noise**2, change**2, noise * change)
         draws.append([np.asarray(batch.block_mean(jnp.asarray(product))) for product in products])
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
@@ -81,7 +76,7 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
 
 
 def scatter(
-    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    joint: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
 ) -> Float[np.ndarray, "r b"]:
     """Power of each block, shape `(r, b)`, by which two runs of the machine `vector` part under different unmeasured
     forces of the `size` (over Fc), in the mean of `draws`.
@@ -89,7 +84,7 @@ def scatter(
     A machine whose contacts are chaotic leaves that much even before the perfect model of it, which is told neither the
     force nor where in its gap the load begins.
     """
-    rng, plain = np.random.default_rng(20020302), joint.errors([vector])[0]
+    rng, plain = np.random.default_rng(20020302), joint.errors_at([vector])[0]
     parted = [_parted(joint, vector, plain, size, rng) for _ in range(draws)]
     # Two runs may part beyond what a number, or its square, holds.
     far = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in parted]
@@ -99,8 +94,8 @@ def scatter(
 
 
 def predictable(
-    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
-) -> tuple[Joint, bool]:
+    joint: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+) -> tuple[Posterior, bool]:
     """`joint` without the blocks in which an unmeasured force of the `size` (over Fc) makes more of the innovations of
     the model `vector` than the measurement noise does, and whether there are any.
 
@@ -109,41 +104,27 @@ def predictable(
     """
     parted = scatter(joint, vector, size, draws=draws)
     scored = np.asarray(joint.batch.block_count) > 0
-    kept = jnp.repeat(jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0)), joint.batch.block, axis=1)
+    kept = jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0).ravel())
     some = bool(np.any(scored & ~(parted < _ASTRAY)))
-    return eqx.tree_at(lambda j: j.setting.weight, joint, joint.setting.weight * kept), some
+    return eqx.tree_at(lambda j: j.weights, joint, (joint.weights[0] * kept,)), some
 
 
 def _parted(
-    joint: Joint,
+    joint: Posterior,
     vector: Float[Array, " q"],
     plain: Float[Array, "r n"],
     size: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "r n"]:
     """What a white force of the `size` (over Fc), held over each sample, changes in the innovations `plain`."""
-    batch, drive = joint.batch, joint.drive(vector)
-    assert isinstance(batch, Batch)
+    drive = joint.drive_of(vector)
     force = size * float(drive.friction.Fc) / float(drive.motor_constant)
-    shaken = batch.u + force * jnp.asarray(rng.standard_normal(batch.u.shape))
-    other = eqx.tree_at(lambda j: j.setting.batch.u, joint, shaken)
-    return np.asarray(other.errors([vector])[0] - plain)
+    shaken = joint.recordings.with_input(force * rng.standard_normal(joint.batch.x.shape))
+    other = eqx.tree_at(lambda j: j.evidence, joint, (shaken,))
+    return np.asarray(other.errors_at([vector])[0] - plain)
 
 
-def _noise_alone(joint: Joint, rng: np.random.Generator) -> Float[np.ndarray, "r n"]:
-    """Standardised innovations of a free mass that does not move, of white measurement noise (`innovation_gain`)."""
-    gains = joint.setting.gains
-    pole, level = np.sqrt(1.0 - np.asarray(gains.position)), np.asarray(innovation_gain(gains))
-    white = rng.standard_normal(joint.batch.x.shape)
-    return np.stack(
-        [
-            lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], w) / g
-            for p, g, w in zip(pole, level, white, strict=True)
-        ]
-    )
-
-
-def quietness(power: Float[np.ndarray, "r b"], answer: Answer, joint: Joint) -> Float[np.ndarray, "r 1"]:
+def quietness(power: Float[np.ndarray, "r b"], answer: Answer, joint: Posterior) -> Float[np.ndarray, "r 1"]:
     """Power of the measurement noise in each recording over what it was thought to be, at most 1, shape `(r, 1)`.
 
     Noise is told from motion by its fourth differences. Motion at frequencies near that of sampling passes for noise;
@@ -160,7 +141,7 @@ def quietness(power: Float[np.ndarray, "r b"], answer: Answer, joint: Joint) -> 
 def force_noise(
     power: Float[np.ndarray, "r b"],
     answer: Answer,
-    joint: Joint,
+    joint: Posterior,
     quiet: Float[np.ndarray, "r 1"] | float = 1.0,
 ) -> float:
     """Standard deviation of the unmeasured force over Coulomb friction that the block `power` of shape `(r, b)` asks
@@ -169,7 +150,7 @@ def force_noise(
     Each block asks for its own power of the force. That of the whole is the one at which the blocks of `answer` ask for
     the same, at a quantile below the middle: an effect raises some of the blocks.
     """
-    scored = (np.asarray(joint.batch.block_count) > 0) & (np.asarray(joint.fitted)[:, None] > 0)
+    scored = (np.asarray(joint.batch.block_count) > 0) & (np.asarray(joint.fitted[0])[:, None] > 0)
     gain = np.where(scored, answer.gain, 0.0)
     seen = gain > _SEEN * gain.max()
     if not np.any(seen):
@@ -196,7 +177,7 @@ def floor_of(
 
 
 def colour(
-    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Joint
+    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Posterior
 ) -> Float[np.ndarray, "r 1"]:
     """Factor on the `floor` of each recording by which the colour of its noise may raise it, shape `(r, 1)`: where a
     model leaves a block `power` that is higher in the middle one of all blocks, between 1 and 2."""

@@ -10,7 +10,6 @@ from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_o
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
 from frictionjax.estimation.data.batch import rows_of
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
@@ -61,7 +60,7 @@ def view(judgement: Judgement, scene: Scene) -> View:
     """See all recordings of the `scene` through the model of the `judgement`."""
     batch = scene.batch
     dt = np.asarray(batch.dt)
-    if isinstance(batch, ImposedBatch):
+    if batch.imposed:
         slowest = float(np.max(dt))
         seen = view_of_forces(judgement, batch, ahead_samples(slowest), force_bandwidth(slowest))
         return View(seen.free, seen.ahead, seen.missing, seen.v, seen.bend, seen.e)
@@ -102,11 +101,10 @@ def _seen(
 
 
 def held_out_error(seen: View, scene: Scene) -> float:
-    """Root mean square error of a model on the recordings kept aside, each in units of its noise: of the position
+    """Root mean square error of a model on the held-out recordings, each in units of its noise: of the position
     0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run overflows."""
     batch = scene.batch
-    imposed = isinstance(batch, ImposedBatch)
-    measured, model = (np.asarray(batch.force), seen.free) if imposed else (np.asarray(batch.x), seen.ahead)
+    measured, model = np.asarray(batch.answer), seen.free if batch.imposed else seen.ahead
     scored = (np.asarray(batch.valid) > 0) & scene.held_out[:, None]
     errors = ((model - measured) / np.asarray(batch.noise)[:, None])[scored]
     value = float(np.sqrt(np.mean(errors**2)))

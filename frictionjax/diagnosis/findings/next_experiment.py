@@ -12,7 +12,6 @@ from jaxtyping import Float
 from frictionjax.core import InputError
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.verdict import NextExperiment
-from frictionjax.estimation.data.batch import Batch
 from frictionjax.information import rank_for_discrimination
 from frictionjax.physics import Drive
 
@@ -68,7 +67,7 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     **Raises:** `InputError` where there is nothing to design: two forms of one effect, runs that overflow, or motions
     that are imposed.
     """
-    if not isinstance(accepted.model.joint.batch, Batch):
+    if accepted.model.joint.batch.imposed:
         raise InputError(
             "the motion is imposed, and the experiments that could be designed apply a force",
             cure="Impose slower and faster motions, smaller ones inside larger ones, and rests.",

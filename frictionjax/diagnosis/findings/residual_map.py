@@ -11,7 +11,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS
@@ -79,7 +79,7 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
     def converge(item) -> ResidualModel:
         _, variable, trial = item
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
         vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
         begun = descend(joint, vector, steps=12, tolerance=0.02)
         slow = joint.at_bandwidth(SLOW_BANDWIDTH)

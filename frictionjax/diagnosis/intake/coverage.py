@@ -3,7 +3,6 @@
 import numpy as np
 
 from frictionjax.estimation.data.batch import AbstractBatch, noise_level
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.physics.effects import (
     AbstractInputEffect,
     AbstractLoadEffect,
@@ -31,10 +30,10 @@ def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
 
     `batch` holds the recordings, the fitted ones first.
     """
-    imposed = isinstance(batch, ImposedBatch)
-    noises = [noise_level(r) for r in case.fit_recordings] if imposed else np.asarray(batch.noise)
+    noises = batch.position_noise
+    noises = [noise_level(r) for r in case.fit_recordings] if noises is None else np.asarray(noises)
     found = [
-        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if imposed else None)
+        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if batch.imposed else None)
         for r, noise in zip(case.fit_recordings, noises, strict=False)
     ]
     starts = {r.start_time for r in case.fit_recordings}
@@ -62,7 +61,7 @@ def not_testable(case: Case, batch: AbstractBatch) -> tuple[dict[str, str], froz
     """Effects of the catalogue that the recordings cannot show in any form -> why, in words; and the forms that they
     cannot show of other effects. Arguments as in `missing_needs`."""
     lacking = missing_needs(case, batch)
-    reasons = idle_effects() if isinstance(batch, ImposedBatch) else {}
+    reasons = idle_effects() if batch.imposed else {}
     unseen: set[str] = set()
     for name, forms in catalogue().items():
         why = {form.__name__: [lacking[n] for n in form.about.needs if n in lacking] for form in forms}

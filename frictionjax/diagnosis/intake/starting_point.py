@@ -11,8 +11,8 @@ from frictionjax.core import InputError
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.intake.checks import check_usable
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch
-from frictionjax.estimation.data.imposed_batch import ImposedBatch, make_imposed_batch
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH
+from frictionjax.estimation.data.imposed_batch import make_imposed_batch
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.start.driven import Start, starting_values
 from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.recordings import Case, Recording
@@ -33,7 +33,7 @@ class Beginning(eqx.Module):
     @property
     def imposed(self) -> bool:
         """Whether the motion is imposed."""
-        return isinstance(self.batch, ImposedBatch)
+        return self.batch.imposed
 
     @property
     def scene(self) -> Scene:

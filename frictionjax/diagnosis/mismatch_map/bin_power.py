@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import Axis
-from frictionjax.estimation.objective.look import CLUSTER_BLOCKS
+from frictionjax.estimation.data.batch import CLUSTER
 
 LEAST_SAMPLES = 200
 """A bin with fewer samples is left out."""
@@ -84,5 +84,5 @@ def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
 def clusters_of(scene: Scene) -> Int[np.ndarray, "r n"]:
     """Number of the cluster of 0.5 s that each sample lies in; no two recordings share one. Shape `(r, n)`."""
     rows, length = np.asarray(scene.batch.valid).shape
-    within = np.arange(length) // (scene.batch.block * CLUSTER_BLOCKS)
+    within = np.arange(length) // (scene.batch.block * CLUSTER)
     return within[None, :] + (int(within[-1]) + 1) * np.arange(rows)[:, None]

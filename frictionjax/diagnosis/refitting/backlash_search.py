@@ -23,7 +23,8 @@ from jaxtyping import Array, Float
 from frictionjax.diagnosis.evidence.noise_floor import predictable
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import Joint, misfit_of
+from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
 
 SHAKING = 5e-4
@@ -44,24 +45,24 @@ _PROMISING = 0.1  # of what the rigid machine costs above the noise in sliding, 
 _LEAST_LEFT = 0.05  # of the viscous friction that stays with the motor
 
 
-def load_ratio(joint: Joint, vector: Float[Array, " q"], stick_inertia: float | None) -> float | None:
+def load_ratio(joint: Posterior, vector: Float[Array, " q"], stick_inertia: float | None) -> float | None:
     """Part of the inertia that stick lacks, of the model `vector`: told by the inertia at which its fit began, where it
     ended, and the `stick_inertia` that noise in stick showed, where there was any; None where they agree."""
-    seen = [float(joint.drive(joint.setting.start).J), float(joint.drive(vector).J)]
+    seen = [float(joint.drive_of(joint.start).J), float(joint.drive_of(vector).J)]
     seen += [stick_inertia] if stick_inertia is not None else []
     ratio = 1.0 - min(seen) / max(seen)
     return ratio if _LIGHTER < ratio < _HEAVIEST else None
 
 
-def told(joint: Joint, vector: Float[Array, " q"]) -> Joint:
+def told(joint: Posterior, vector: Float[Array, " q"]) -> Posterior:
     """`joint` without the blocks in which the model `vector` parts from itself under a small unmeasured force: no fit
     sees what is chaotic."""
-    whole = eqx.tree_at(lambda j: j.setting.weight, joint, joint.batch.valid)
+    whole = eqx.tree_at(lambda j: j.weights, joint, (jnp.ones_like(joint.weights[0]),))
     return predictable(whole, vector, SHAKING, draws=1)[0]
 
 
 def searched(
-    joint: Joint, vector: Float[Array, " q"], deflection: float, ratio: float | None
+    joint: Posterior, vector: Float[Array, " q"], deflection: float, ratio: float | None
 ) -> Float[Array, " q"] | None:
     """A model with a load behind a gap that predicts sliding best.
 
@@ -75,7 +76,7 @@ def searched(
     **Returns:** a vector of shape `(q,)`; None where no recording slides, or where no gap is clearly better there than
     none.
     """
-    rows = _sliding(joint.batch, deflection) * np.asarray(joint.fitted)
+    rows = _sliding(joint.batch, deflection) * np.asarray(joint.fitted[0])
     if not np.any(rows):
         return None
     grid = [
@@ -86,12 +87,12 @@ def searched(
     found, _ = _best(joint, grid, rows, _TURNS[0][0])
     for turn, (knee, width) in enumerate(_TURNS):
         found = descend(told(joint, found), found, steps=_DESCENT, tolerance=0.01).vector
-        side = joint.drive(found).load_side
+        side = joint.drive_of(found).load_side
         assert side is not None
         if not float(side.ratio) > 0.0:
             return None
         gaps = 2.0 * float(side.half_gap) * np.exp(np.linspace(-width, width, _FINER[0]))
-        shares = _share(joint.drive(found)) + width * np.linspace(-0.5, 0.5, _FINER[1])
+        shares = _share(joint.drive_of(found)) + width * np.linspace(-0.5, 0.5, _FINER[1])
         finer = _around(found, joint, gaps, shares[(shares > 0.0) & (shares < 1.0)])
         found, cost = _best(joint, [found, *finer], rows, knee)
         if turn == 0:
@@ -102,7 +103,7 @@ def searched(
     return found
 
 
-def heavier(joint: Joint, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
+def heavier(joint: Posterior, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
     """`vector` with the inertia `times` as large, where it is free; stiffness and damping stay what they were."""
     places, more = {free.path: place for place, free in enumerate(joint.layout)}, float(np.log(times))
     if "J" not in places:
@@ -123,25 +124,25 @@ def _sliding(batch: AbstractBatch, deflection: float) -> Float[np.ndarray, " r"]
     return np.where(far > _SLIDES * np.sum(scored, axis=1), 1.0, 0.0)
 
 
-def _hanging(joint: Joint, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
+def _hanging(joint: Posterior, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
     """`vector` with a load of this `ratio`, and with the inertia of sliding: stiffness and damping stay what they
     were."""
-    place = len(joint.setting.drive.effects) - 1
+    place = len(joint.drive.effects) - 1
     new = _with(joint, vector, {"ratio": ratio, "frequency": _FREQUENCY, "damping": _DAMPING}, place)
     # The fit of a rigid machine ends as heavy as it was in sliding, where it began, or as light as in stick.
-    now, begun = (float(joint.drive(one).J) for one in (vector, joint.setting.start))
+    now, begun = (float(joint.drive_of(one).J) for one in (vector, joint.start))
     return heavier(joint, new, max(now, begun) / now)
 
 
 def _around(
     vector: Float[Array, " q"],
-    joint: Joint,
+    joint: Posterior,
     gaps: Float[np.ndarray, " g"],
     shares: Sequence[float] | Float[np.ndarray, " s"],
 ) -> list[Float[Array, " q"]]:
     """`vector` at each of the `gaps` (position units), with each of these `shares` of the viscous friction the
     load's."""
-    drive, place = joint.drive(vector), len(joint.setting.drive.effects) - 1
+    drive, place = joint.drive_of(vector), len(joint.drive.effects) - 1
     viscous, inertia = _viscous(drive), float(drive.load_side.ratio * drive.J)  # type: ignore[union-attr]
     models = []
     for gap, share in itertools.product(gaps, shares):
@@ -153,7 +154,7 @@ def _around(
 
 
 def _with(
-    joint: Joint, vector: Float[Array, " q"], values: dict[str, float], place: int
+    joint: Posterior, vector: Float[Array, " q"], values: dict[str, float], place: int
 ) -> Float[Array, " q"]:
     """`vector` with these values of the effect at the `place`."""
     new = np.array(vector)
@@ -166,7 +167,7 @@ def _with(
 
 
 def _best(
-    joint: Joint, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], knee: float
+    joint: Posterior, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], knee: float
 ) -> tuple[Float[Array, " q"], float]:
     """The best of the `models` by the recordings `rows` with the Cauchy knee at the power `knee`, and its cost."""
     costs = [misfit_of(power, rows, joint.batch, knee) for power in joint.powers(models)]

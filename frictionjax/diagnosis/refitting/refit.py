@@ -14,9 +14,9 @@ from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.refitting.shortlist import behind_gaps
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.descent.robust import Ending, Fitted, descend
-from frictionjax.estimation.objective.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, Joint, extend
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.physics.effects import AbstractLoadEffect
 
@@ -70,9 +70,9 @@ def refit_all(
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = float(fast.misfits([model.fitted.vector])[0])
     # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
-    graduate = isinstance(model.joint.batch, ImposedBatch)
+    graduate = model.joint.batch.imposed
 
-    def begin(trial: Trial) -> tuple[Joint, Fitted]:
+    def begin(trial: Trial) -> tuple[Posterior, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         alone = vector
         vector = _placed(joint, vector, trial.vector)
@@ -88,7 +88,7 @@ def refit_all(
         other = first_steps(joint, [changed(alone, own, np.asarray(trial.vector)[own]), *starts])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
-    def other_starts(joint: Joint, vector) -> list:
+    def other_starts(joint: Posterior, vector) -> list:
         """`vector` with the parameters of the effect where a refit of it begins besides."""
         start = vector
         for place in range(len(model.joint.layout), len(joint.layout)):
@@ -100,25 +100,25 @@ def refit_all(
             start = changed(start, place, value)
         return [] if start is vector else [start]
 
-    def lowest(joint: Joint, starts: list) -> Fitted:
+    def lowest(joint: Posterior, starts: list) -> Fitted:
         ends = [descend(joint, start, steps=12, tolerance=0.03) for start in starts]
         return min(ends, key=lambda fitted: fitted.misfit)
 
-    def first_steps(joint: Joint, starts: list) -> Fitted:
+    def first_steps(joint: Posterior, starts: list) -> Fitted:
         # From a step that gains wide knees lead no further than the noise's own.
         ends = [descend(joint, start, graduate=False, steps=_FIRST, tolerance=0.03) for start in starts]
         return min(ends, key=lambda fitted: fitted.misfit)
 
-    def go_on(begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
+    def go_on(begun: tuple[Posterior, Fitted]) -> tuple[Posterior, Fitted]:
         joint, found = begun
         if graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
             return begun
         return joint, descend(joint, found.vector, graduate=False, steps=12 - _FIRST, tolerance=0.03)
 
-    def again(trial: Trial, begun: tuple[Joint, Fitted]) -> tuple[Joint, Fitted]:
+    def again(trial: Trial, begun: tuple[Posterior, Fitted]) -> tuple[Posterior, Fitted]:
         joint, found = begun
         own = slice(len(model.joint.layout), len(joint.layout))
-        start = changed(joint.setting.start, own, np.asarray(trial.vector)[own])
+        start = changed(joint.start, own, np.asarray(trial.vector)[own])
         if pair is not None and isinstance(trial.form, AbstractLoadEffect):
             shown = {"ratio": pair.ratio, "frequency": np.log(pair.frequency)}
             for place in range(own.start, own.stop):
@@ -127,16 +127,16 @@ def refit_all(
         other = lowest(joint, [start, *other_starts(joint, start)])
         return joint, min(found, other, key=lambda fitted: fitted.misfit)
 
-    def sought(trial: Trial) -> tuple[Joint, Fitted] | None:
+    def sought(trial: Trial) -> tuple[Posterior, Fitted] | None:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         found = searched(joint.at_bandwidth(SLOW_BANDWIDTH), vector, scales["zs"], ratio)
         return None if found is None else (joint, descend(joint, found, graduate=False, steps=0))
 
-    def along_the_valley(trial: Trial) -> tuple[Joint, Fitted]:
+    def along_the_valley(trial: Trial) -> tuple[Posterior, Fitted]:
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         return joint, descend(joint, _placed(joint, vector, trial.valley), steps=_FIRST, tolerance=0.03)
 
-    def finish(pair: tuple[Trial, tuple[Joint, Fitted]]) -> Refitted:
+    def finish(pair: tuple[Trial, tuple[Posterior, Fitted]]) -> Refitted:
         trial, (joint, found) = pair
         slow, chaotic = joint.at_bandwidth(SLOW_BANDWIDTH), has_contacts(trial.form)
         if chaotic:
@@ -157,7 +157,7 @@ def refit_all(
     begun = list(executor.map(go_on, begun))
     # A model that has effects already has left the minimum that the base model came to rest in.
     stuck = min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR
-    if stuck and not model.joint.setting.drive.effects:
+    if stuck and not model.joint.drive.effects:
         trials, begun = _foremost(trials, begun, present, _NEAR)
         begun = list(executor.map(again, trials, begun))
         begun, trials = begun + list(executor.map(along_the_valley, absorbed)), [*trials, *absorbed]
@@ -167,12 +167,12 @@ def refit_all(
         ]
         begun, trials = begun + [end for _, end in ends], trials + [trial for trial, _ in ends]
     gains = np.array([present - found.misfit for _, found in begun])
-    if model.joint.setting.drive.effects and gains.max() < _HOPELESS * present:
+    if model.joint.drive.effects and gains.max() < _HOPELESS * present:
         # One of them goes on, to be shown; none will be named beside the effects that are.
         best = int(np.argmax(gains))
         trials, begun, gains = [trials[best]], [begun[best]], gains[best:][:1]
     # A form may have begun from two places: the better end goes on.
-    better: dict[str, tuple[float, Trial, tuple[Joint, Fitted]]] = {}
+    better: dict[str, tuple[float, Trial, tuple[Posterior, Fitted]]] = {}
     for trial, end, gain in zip(trials, begun, gains, strict=True):
         form = type(trial.form).__name__
         if gain > _NEAR * gains.max() and (form not in better or gain > better[form][0]):
@@ -181,8 +181,8 @@ def refit_all(
 
 
 def _longest_first(
-    executor: Executor, begin: Callable[[Trial], tuple[Joint, Fitted]], trials: list[Trial]
-) -> list[tuple[Joint, Fitted]]:
+    executor: Executor, begin: Callable[[Trial], tuple[Posterior, Fitted]], trials: list[Trial]
+) -> list[tuple[Posterior, Fitted]]:
     """What `begin` makes of each of the `trials`, in their order. Those with the most parameters are begun first: begun
     last, the slowest of all would keep one core busy while the others wait."""
     order = sorted(range(len(trials)), key=lambda number: -len(trials[number].vector))
@@ -190,24 +190,24 @@ def _longest_first(
     return [made for _, made in sorted(zip(order, done, strict=True), key=lambda pair: pair[0])]
 
 
-def _placed(joint: Joint, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:
+def _placed(joint: Posterior, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:
     """`vector` with what a test told: parameters, and the starting deflections of the fitted recordings."""
-    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
+    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
     places = np.concatenate([np.arange(count), count + rows])
     return changed(vector, places, told)
 
 
-def uncoupled(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+def uncoupled(joint: Posterior, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
     it shows where the load hangs in its gap most of the time: J is larger, stiffness and damping are what they were."""
-    load = joint.drive(vector).load_side
+    load = joint.drive_of(vector).load_side
     assert load is not None
     return heavier(joint, vector, 1.0 / (1.0 - load.ratio))
 
 
 def _foremost(
-    trials: list[Trial], begun: list[tuple[Joint, Fitted]], present: float, part: float
-) -> tuple[list[Trial], list[tuple[Joint, Fitted]]]:
+    trials: list[Trial], begun: list[tuple[Posterior, Fitted]], present: float, part: float
+) -> tuple[list[Trial], list[tuple[Posterior, Fitted]]]:
     """Those that gain more than `part` of what the best one gains on the misfit `present`, and the first three."""
     order = sorted(range(len(begun)), key=lambda number: begun[number][1].misfit)
     most = present - begun[order[0]][1].misfit

@@ -7,7 +7,6 @@ import numpy as np
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.descent.robust import descend
 
 _EASE = (
@@ -53,12 +52,12 @@ def ease(model: Model) -> Model:
     would be fitted to the blocks in which its error happens to pass through zero.
     """
     batch = model.joint.batch
-    if not isinstance(batch, ImposedBatch):
+    if not batch.imposed:
         return model
-    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted)[:, None] > 0)
+    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted[0])[:, None] > 0)
     wanted = max(np.sqrt(_EASE * float(np.median(model.judgement.power[scored]))), 1.0)
     if abs(np.log(wanted / float(batch.ease[0]))) < _EASED:
         return model
-    joint = eqx.tree_at(lambda j: j.setting.batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
+    joint = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
     fitted = descend(joint, model.fitted.vector, graduate=False)
     return Model(joint, fitted, judge(joint, fitted))

@@ -5,26 +5,23 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.evidence.residuals import standardised
-from frictionjax.estimation.objective.joint import Joint
-from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.physics import Drive
 
 
-def errors_with_effect(joints: list[Joint], vectors: list[Float[Array, " q"]]) -> Float[Array, "k r n"]:
+def errors_with_effect(joints: list[Posterior], vectors: list[Float[Array, " q"]]) -> Float[Array, "k r n"]:
     """Standardised errors of the force for each of `vectors`, of models of one layout (`joints`, which may differ in
     what is not free), shape `(k, r, n)`."""
-    drives = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(joint.setting.drive for joint in joints))
-    starts = jnp.stack([joint.setting.start for joint in joints])
-    stack = jnp.stack([jnp.asarray(vector) for vector in vectors])
-    return _lanes(joints[0].layout, drives, starts, stack, joints[0].setting)
+    posteriors = jax.tree.map(lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in joints))
+    return _side_by_side(joints[0], *posteriors, jnp.stack([jnp.asarray(vector) for vector in vectors]))
 
 
 @eqx.filter_jit
-def _lanes(layout, drives, starts, vectors, setting):
-    count = len(layout)
-
-    def lane(drive, start, vector):
-        drive = unpack(layout, drive, vector[:count], start[:count])
-        return standardised(drive, vector[count:], setting.batch, setting.gains)
+def _side_by_side(
+    posterior: Posterior, drives: Drive, starts: Float[Array, "k q"], vectors: Float[Array, "k q"]
+) -> Float[Array, "k r n"]:
+    def lane(drive: Drive, start: Float[Array, " q"], vector: Float[Array, " q"]) -> Float[Array, "r n"]:
+        own = eqx.tree_at(lambda p: (p.drive, p.start), posterior, (drive, start))
+        return own.recordings.standardised(own.drive_of(vector), vector[own.parameters :])
 
     return jax.vmap(lane)(drives, starts, vectors)

@@ -9,12 +9,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
-from frictionjax.estimation.evidence.residuals import block_power, standardised
-from frictionjax.estimation.objective.joint import Joint, misfit_of
-from frictionjax.estimation.objective.look import sum_clusters, told_columns
-from frictionjax.estimation.objective.setting import drives_at
-from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.evidence import Observed
+from frictionjax.estimation.evidence.power import block_power, sum_clusters
+from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.quadratic import all_columns
 from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.simulation import innovation_gain, observe
@@ -48,7 +47,7 @@ class Present(eqx.Module):
     (what it knows along the observed motion, arrays of shape `(r, n)`; None where the motion is imposed).
     """
 
-    joint: Joint
+    joint: Posterior
     vector: Float[Array, " q"]
     drive: Drive
     e: Float[Array, "r n"]
@@ -58,7 +57,7 @@ class Present(eqx.Module):
     samples: float
     motion: Along | None
 
-    def lanes(self, blocks: Iterable[tuple[list[Joint], list]]) -> Iterator[Float[Array, "lanes r n"]]:
+    def lanes(self, blocks: Iterable[tuple[list[Posterior], list]]) -> Iterator[Float[Array, "lanes r n"]]:
         """Standardised innovations for the vectors of each of the `blocks`: of this model with one more effect, joints
         of one layout and as many vectors, whose signals along the observed motion are injected. There are `BESIDE`
         lanes or more to a block; the last of its vectors fills those that are left. Where the motion is imposed the
@@ -80,7 +79,7 @@ class Present(eqx.Module):
         for block in ready:
             yield from self._run([block])
 
-    def _ready(self, joints: list[Joint], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
+    def _ready(self, joints: list[Posterior], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
         """The `vectors` without what is the effect's, and the signals of the effect at each of them."""
         assert self.motion is not None
         old, more = len(self.joint.layout), len(joints[0].layout)
@@ -99,18 +98,18 @@ class Present(eqx.Module):
         push = Push(self.motion.push, self.motion.rise)
         filled = [*blocks, *[blocks[-1]] * (_TOGETHER - len(blocks))]
         vectors, signals = zip(*filled, strict=True)
-        return _injected_lanes(self.joint.layout, vectors, self.joint.setting, push, signals)[: len(blocks)]
+        return _injected_lanes(self.joint, vectors, push, signals)[: len(blocks)]
 
-    def injected(self, joints: list[Joint], vectors: list) -> Float[Array, "k r n"]:
+    def injected(self, joints: list[Posterior], vectors: list) -> Float[Array, "k r n"]:
         """`lanes` for any number of vectors of one effect, shape `(k, r, n)`."""
         parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
         found = self.lanes((joints[part], vectors[part]) for part in parts)
         return jnp.concatenate(list(found))[: len(vectors)]
 
 
-def _effect_at(joint: Joint, vector) -> AbstractEffect:
+def _effect_at(joint: Posterior, vector) -> AbstractEffect:
     """The last effect of `joint` at a free `vector`."""
-    effect, place = joint.setting.drive.effects[-1], len(joint.setting.drive.effects) - 1
+    effect, place = joint.drive.effects[-1], len(joint.drive.effects) - 1
     values, point = {}, np.asarray(vector)
     for index, free in enumerate(joint.layout):
         if not free.path.startswith(f"effects.{place}."):
@@ -150,10 +149,10 @@ def _signals(effects, model, motion, dt, before):
 
 
 @eqx.filter_jit
-def _injected_lanes(layout, vectors, setting, push, signals):
-    batch, gains, count = setting.batch, setting.gains, len(layout)
+def _injected_lanes(joint, vectors, push, signals):
+    batch, gains, count = joint.batch, joint.recordings.gains, joint.parameters
     stack = jnp.concatenate(vectors)
-    drives = drives_at(layout, stack, setting)
+    drives = jax.vmap(joint.drive_of)(stack)
     z0 = stack[:, count:] * (drives.friction.Fs / drives.friction.sigma0)[:, None]
     start = (batch.x0, batch.v0, z0, batch.before)
     every = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *signals)
@@ -163,43 +162,42 @@ def _injected_lanes(layout, vectors, setting, push, signals):
 
 
 @eqx.filter_jit
-def _fine(layout, vector, setting, e):
-    count = len(layout)
-    drive = unpack(layout, setting.drive, vector[:count], setting.start[:count])
-    fine = standardised(drive, vector[count:], setting.batch, setting.gains, finer=_FINER)
+def _fine(joint, vector, e):
+    drive = joint.drive_of(vector)
+    fine = joint.recordings.standardised(drive, vector[joint.parameters :], finer=_FINER)
     return jnp.where(jnp.isfinite(fine), fine, e)
 
 
 @eqx.filter_jit
-def _weighing(power, knee, e, fine, jacobian, setting):
-    batch = setting.batch
-    weight = jnp.repeat(1.0 / (power + knee), batch.block, axis=-1) * setting.weight
+def _weighing(power, knee, e, fine, jacobian, weights, prior):
+    block = e.shape[1] // power.shape[1]
+    weight = jnp.repeat(1.0 / (power + knee), block, axis=-1) * weights
     weighted = jacobian * weight[None]
     base = weighted.reshape(jacobian.shape[0], -1)
-    gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + jnp.diag(setting.prior**2)
-    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * fine[None], batch.block)
+    gram = base @ jacobian.reshape(jacobian.shape[0], -1).T + 0.5 * jnp.diag(prior**2)
+    return weight, base, gram, base @ e.ravel(), sum_clusters(weighted * fine[None], block)
 
 
-def present_model(joint: Joint, vector: Float[Array, " q"]) -> Present:
+def present_model(joint: Posterior, vector: Float[Array, " q"]) -> Present:
     """The fitted model before its fitted recordings, ready for tests."""
-    rows = np.flatnonzero(np.asarray(joint.fitted) > 0)
-    # Seen with those kept aside: that program is there already.
-    seen = joint.seen(vector).of_recordings(rows)
+    rows = np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
+    # Evaluated with the held-out ones: that program is there already.
+    evaluation = joint.evaluated(vector)[0].of_recordings(rows)
     joint, vector = joint.of_fitted(vector)
-    e, jacobian = seen.e, told_columns(seen, joint.batch.block)
-    fine = _fine(joint.layout, vector, joint.setting, e)
+    e, jacobian = evaluation.e, all_columns(evaluation)
+    fine = _fine(joint, vector, e)
     power = np.asarray(block_power(e, joint.batch))
     used = power[np.asarray(joint.batch.block_count) > 0]
     knees = dict.fromkeys((1.0, max(float(np.quantile(used, 0.7)), 1.0)))
     weighings = []
     for knee in knees:
         weight, base, *small = _weighing(
-            jnp.asarray(power), jnp.asarray(knee), e, fine, jacobian, joint.setting
+            jnp.asarray(power), jnp.asarray(knee), e, fine, jacobian, joint.sample_weight, joint.prior
         )
         weighings.append(Weighing(weight, base, *(np.asarray(part) for part in small)))
-    gains, count = joint.setting.gains, len(joint.layout)
-    imposed = isinstance(joint.batch, ImposedBatch)
-    drive, samples = joint.drive(vector), float(jnp.sum(joint.batch.valid))
-    motion = None if imposed else _motion(drive, vector[count:], joint.batch, gains)
-    misfit = misfit_of(power, np.asarray(joint.fitted), joint.batch)
+    drive, samples = joint.drive_of(vector), float(jnp.sum(joint.batch.valid))
+    seen, motion = joint.recordings, None
+    if isinstance(seen, Observed):
+        motion = _motion(drive, vector[joint.parameters :], seen.batch, seen.gains)
+    misfit = misfit_of(power, np.asarray(joint.fitted[0]), joint.batch)
     return Present(joint, vector, drive, e, fine, tuple(weighings), misfit, samples, motion)

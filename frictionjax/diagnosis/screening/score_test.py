@@ -17,9 +17,10 @@ from jaxtyping import Array, Float
 from scipy.stats import f
 
 from frictionjax.diagnosis.screening.linearised import BESIDE, Present
-from frictionjax.estimation.evidence.residuals import lane_powers
-from frictionjax.estimation.objective.joint import Joint, extend, misfit_of
-from frictionjax.estimation.objective.look import sum_clusters
+from frictionjax.estimation.evidence.power import lane_powers, sum_clusters
+from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import extend
 from frictionjax.estimation.uncertainty import merged
 from frictionjax.physics.effects import AbstractEffect
 
@@ -45,7 +46,7 @@ class Trial(eqx.Module):
 
     effect: str = eqx.field(static=True)
     form: AbstractEffect
-    joint: Joint
+    joint: Posterior
     vector: Float[Array, " q"]
     gain: float
     linear_gain: float
@@ -103,7 +104,7 @@ class Promise(NamedTuple):
     """What the regression on one finite step promises; `simulated` makes a `Trial` of it."""
 
     form: AbstractEffect
-    joint: Joint
+    joint: Posterior
     where: tuple[int, ...]
     candidates: list
     linear_gain: float
@@ -118,7 +119,7 @@ class _Probe(NamedTuple):
     """One finite step: where in the layout, and how far in each of these."""
 
     form: AbstractEffect
-    joint: Joint
+    joint: Posterior
     vector: Array
     where: tuple[int, ...]
     sizes: tuple[float, ...]
@@ -182,8 +183,8 @@ def lots(items: Sequence[_T], size: int) -> list[Sequence[_T]]:
     return [items[first : first + size] for first in range(0, len(items), size)]
 
 
-def _steps(probes: list[_Probe]) -> tuple[list[Joint], list[np.ndarray]]:
-    """Joint and vector of each step of the `probes`."""
+def _steps(probes: list[_Probe]) -> tuple[list[Posterior], list[np.ndarray]]:
+    """Posterior and vector of each step of the `probes`."""
     joints = [probe.joint for probe in probes for _ in probe.where]
     vectors = [
         _further(probe.vector, place, size)
@@ -288,7 +289,7 @@ def simulated(present: Present, promised: Sequence[list[Promise]], least: float 
         ([promised[number][rank].joint for rank, _ in some], [vector for _, vector in some])
         for number, some in blocks
     )
-    fitted, batch = np.asarray(present.joint.fitted), present.joint.batch
+    fitted, batch = np.asarray(present.joint.fitted[0]), present.joint.batch
     for (number, some), errors in zip(blocks, runs, strict=True):
         powers = np.asarray(lane_powers(errors, batch))[: len(some)]
         for (rank, vector), power in zip(some, powers, strict=True):
@@ -297,7 +298,7 @@ def simulated(present: Present, promised: Sequence[list[Promise]], least: float 
                 best[number][rank] = gain, vector
     return [
         [
-            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.joint.setting.start))))
+            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.joint.start))))
             for rank, promise in enumerate(promises)
         ]
         for promises, found in zip(promised, best, strict=True)

@@ -17,9 +17,8 @@ from frictionjax.diagnosis.screening.score_test import (
     simulated,
     worth_simulating,
 )
-from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.descent.robust import level_out
-from frictionjax.estimation.objective.joint import FAST_BANDWIDTH
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, catalogue
 
 _TO_A_TASK = (
@@ -51,7 +50,7 @@ def try_catalogue(
         "even_period": wavelengths(e, speed, batch, odd=False),
         "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
     }
-    inside = model.joint.setting.drive.effects
+    inside = model.joint.drive.effects
     forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
     forms = [form for form in forms if form.__name__ not in without]
     if any(isinstance(effect, AbstractLoadEffect) for effect in inside):
@@ -96,7 +95,7 @@ def _presents(model: Model, executor: Executor) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
     fast, vector = model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
     present = executor.submit(present_model, fast, vector)
-    if not isinstance(fast.batch, Batch) or fast.misfits([vector])[0] < _LEVELLED:
+    if fast.batch.imposed or fast.misfits([vector])[0] < _LEVELLED:
         return [present.result()]
     level = level_out(fast, vector)
     return [present.result(), present_model(fast, level)]

@@ -215,7 +215,7 @@ def _ranked(
 
 def _explained_where_told(before: Model, found: Model, floor: np.ndarray) -> tuple[float, float]:
     """Share of the misfit of `before` that `found` removes, fit and held-out, in the blocks that its fit saw."""
-    kept = np.asarray(found.joint.batch.block_mean(found.joint.setting.weight)) > 0.0
+    kept = np.asarray(found.joint.weights[0]).reshape(floor.shape) > 0.0
     ends = [
         eqx.tree_at(lambda j: j.power, model.judgement, np.where(kept, model.judgement.power, floor))
         for model in (before, found)

@@ -22,7 +22,8 @@ from frictionjax.diagnosis.selection.decide import (
     weigh,
 )
 from frictionjax.estimation.descent.robust import Fitted, descend
-from frictionjax.estimation.objective.joint import Joint, extend
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import extend
 
 ENOUGH_SHARE = 0.8
 """Share of the misfit, on fit and on held-out recordings, after which what is left is more likely the form of what was
@@ -44,12 +45,12 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
 
     It begins once with the other parameters of `full` and once with those of `base`, and the better end is returned.
     """
-    effects = full.joint.drive(full.fitted.vector).effects
+    effects = full.joint.drive_of(full.fitted.vector).effects
     count, deflections = len(base.joint.layout), full.fitted.vector[len(full.joint.layout) :]
     # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
-    own = full.joint.setting
-    empty = eqx.tree_at(lambda j: (j.setting.batch, j.setting.weight), base.joint, (own.batch, own.weight))
-    ends: list[tuple[Joint, Fitted]] = []
+    own = full.joint
+    empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.joint, (own.evidence, own.weights))
+    ends: list[tuple[Posterior, Fitted]] = []
     for vector in (jnp.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
         joint = empty
         for place in places:

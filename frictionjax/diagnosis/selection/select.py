@@ -27,10 +27,8 @@ from frictionjax.diagnosis.selection.moves import (
 )
 from frictionjax.diagnosis.selection.swap import exchanged, instead
 from frictionjax.diagnosis.selection.verdict_rule import most_left
-from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.joint import SLOW_BANDWIDTH
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -51,7 +49,7 @@ def _worth_refitting(
     base model has come to rest in a corner, and no step from there says what would gain after many."""
     misfits = model.judgement.misfits(np.ones((1, 1)))
     far = max(misfits) > 2.0 * ADEQUATE_MISFIT
-    cornered = isinstance(model.joint.batch, ImposedBatch) and min(misfits) > FAR_FROM_NOISE
+    cornered = model.joint.batch.imposed and min(misfits) > FAR_FROM_NOISE
     chosen = []
     for some in tried:
         open_to = [trial for trial in some if trial.effect not in barred]
@@ -87,8 +85,8 @@ def select(
     answering = executor.submit(answer_to_force, model.joint, model.fitted.vector)
     joint = model.joint
     pair = None
-    if isinstance(joint.batch, Batch):
-        pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted) > 0))
+    if not joint.batch.imposed:
+        pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted[0]) > 0))
 
     def one_round(model: Model, number: int, before: Step | None = None) -> Step:
         start, span = number / _ROUNDS, 1.0 / _ROUNDS
@@ -167,7 +165,7 @@ def together(model: Model, floor: np.ndarray) -> bool:
 
     Fitted recordings that leave a parameter open make a true model predict others badly.
     """
-    joint = eqx.tree_at(lambda joint: joint.fitted, model.joint, jnp.ones_like(model.joint.fitted))
+    joint = eqx.tree_at(lambda j: j.fitted, model.joint, (jnp.ones_like(model.joint.fitted[0]),))
     fitted = descend(joint, model.fitted.vector, graduate=False)
     judgement = eqx.tree_at(lambda j: j.held_out, judge(joint, fitted), model.judgement.held_out)
     return all(judgement.within(floor, ADEQUATE_MISFIT))

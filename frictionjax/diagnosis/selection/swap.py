@@ -43,7 +43,7 @@ def exchanged(steps: list[Step], scales: dict[str, float], answer: Answer, again
         assert own.accepted is not None
         others = [number for number in range(len(steps)) if number != place]
         rest = with_some(base, last.model, others, scales)
-        inside = {type(effect).name for effect in rest.joint.setting.drive.effects}
+        inside = {type(effect).name for effect in rest.joint.drive.effects}
         trials, refits = again(rest, taken_for(own.accepted.effect) - inside)
         incumbent = Refitted(own.accepted.trial, last.model)
         # Their tests beside the others, and those that the incumbent has passed.

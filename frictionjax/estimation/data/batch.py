@@ -1,6 +1,8 @@
 """Recordings side by side: padded to one length, with masks, noise levels and starting states."""
 
+import dataclasses
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -17,6 +19,10 @@ from frictionjax.simulation import Gains
 _SETTLING = 0.1
 BLOCK = 0.05
 """Length of a block, s: the likelihood counts blocks, so that one break-away cannot outvote all else."""
+
+
+CLUSTER = 10
+"""Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 
 
 class AbstractBatch(eqx.Module):
@@ -36,6 +42,30 @@ class AbstractBatch(eqx.Module):
     lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
     before: eqx.AbstractVar[Before]
     substeps: eqx.AbstractVar[int]
+
+    @property
+    @abstractmethod
+    def imposed(self) -> bool:
+        """Whether the motion was imposed, and the friction force is the answer."""
+
+    @property
+    @abstractmethod
+    def answer(self) -> Float[Array, "r n"]:
+        """What was measured and a model predicts: position or force, shape `(r, n)`."""
+
+    @property
+    @abstractmethod
+    def inputs(self) -> Float[Array, "r n"] | None:
+        """The applied input, input units, shape `(r, n)`; None where the motion was imposed."""
+
+    @property
+    @abstractmethod
+    def position_noise(self) -> Float[Array, " r"] | None:
+        """Standard deviation of the noise of the measured position, shape `(r,)`; None where the position is given."""
+
+    @abstractmethod
+    def with_substeps(self, substeps: int) -> "AbstractBatch":
+        """The same recordings with so many integration `substeps` a sample. An imposed motion keeps its own."""
 
     def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
         """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
@@ -82,6 +112,30 @@ class Batch(AbstractBatch):
     lengths: Int[np.ndarray, " r"]
     before: Before
     substeps: int = eqx.field(static=True, default=1)
+
+    @property
+    def imposed(self) -> bool:
+        """False: an input was applied."""
+        return False
+
+    @property
+    def answer(self) -> Float[Array, "r n"]:
+        """The measured position."""
+        return self.x
+
+    @property
+    def inputs(self) -> Float[Array, "r n"]:
+        """The applied input, input units."""
+        return self.u
+
+    @property
+    def position_noise(self) -> Float[Array, " r"]:
+        """Standard deviation of the noise of the position."""
+        return self.noise
+
+    def with_substeps(self, substeps: int) -> "Batch":
+        """The same recordings with so many integration `substeps` a sample."""
+        return self if substeps == self.substeps else dataclasses.replace(self, substeps=substeps)
 
     def each(self, function: Callable, gains: Gains, deflection: Float[Array, " r"], *more):
         """`function` of every recording, side by side.
@@ -245,6 +299,3 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         before=what_was_before(recordings),
         substeps=max(math.ceil(_LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
     )
-
-
-CLUSTER = 10  # blocks of 0.05 s: longer than the memory of most unmodelled forces

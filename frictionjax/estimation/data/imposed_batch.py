@@ -34,6 +34,30 @@ class ImposedBatch(AbstractBatch):
     substeps: int = eqx.field(static=True, default=1)
 
     @property
+    def imposed(self) -> bool:
+        """True: the motion is given."""
+        return True
+
+    @property
+    def answer(self) -> Float[Array, "r n"]:
+        """The measured force."""
+        return self.force
+
+    @property
+    def inputs(self) -> None:
+        """None: no input acts on an imposed motion."""
+        return None
+
+    @property
+    def position_noise(self) -> None:
+        """None: the position is taken as it is."""
+        return None
+
+    def with_substeps(self, substeps: int) -> "ImposedBatch":
+        """The same: runs along an imposed motion choose their own `substeps`."""
+        return self
+
+    @property
     def eased(self) -> Float[np.ndarray, " r"]:
         """Square of `ease`, shape `(r,)`."""
         return np.asarray(self.ease) ** 2

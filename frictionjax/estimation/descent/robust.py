@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt on the robust cost of a `Joint`: one compiled call a step, whatever the structure.
+"""Levenberg-Marquardt on the robust posterior of a diagnosis: one compiled call a step, whatever the structure.
 
-The Cauchy knee comes down from the upper quantiles of the block powers to the noise: with the knee at the noise from
-the start, a regime that the model misses would be ignored. Starting deflections of recordings kept aside follow on
-their own.
+The scale of the Cauchy loss comes down from the upper quantiles of the block powers to the noise: with the scale at the
+noise from the start, a regime that the model misses would be ignored. Starting deflections of held-out recordings
+follow on their own.
 """
 
 from enum import Enum
@@ -12,10 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.objective.joint import Joint, misfit_of
-from frictionjax.estimation.objective.look import Look, Seen
+from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
+from frictionjax.estimation.objective.robust import graduated
 
-_GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the knee, in turn
+_GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the scale of the loss, in turn
 _LEVEL = 0.95  # quantile of the block powers below which all count alike
 _DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
 _LONGEST = 1.5  # in a coordinate; a strength, whose unit is only where it begins to show, may at least double
@@ -31,11 +33,11 @@ class Ending(Enum):
 
 
 class Fitted(NamedTuple):
-    """Where a descent ended: `vector`, shape `(q,)`, its `look` at the noise, its `misfit` per sample, and the
-    `ending`."""
+    """Where a descent ended: `vector`, shape `(q,)`, the cost `near` it with the loss at the noise, its `misfit` per
+    sample, and the `ending`."""
 
     vector: Float[Array, " q"]
-    look: Look
+    near: Quadratic
     misfit: float
     ending: Ending
 
@@ -44,110 +46,134 @@ class Fitted(NamedTuple):
         """Whether the last steps gained next to nothing."""
         return self.ending is Ending.AT_REST
 
+    @property
+    def power(self) -> Float[np.ndarray, "r b"]:
+        """Mean square of the standardised errors in each block of the recordings, shape `(r, b)`."""
+        return np.asarray(self.near.powers[0])
 
-def _step(joint: Joint, vector: np.ndarray, look: Look, damping: float) -> np.ndarray:
-    """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
-    hessian, gradient = np.asarray(look.hessian), np.asarray(look.gradient)
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12))
-    matrix = hessian / np.outer(scale, scale) + damping * np.eye(scale.size)
-    step = -np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
-    longest = np.full(scale.size, _LONGEST)
-    strengths = [i for i, free in enumerate(joint.layout) if free.parameter.transform == "linear"]
-    longest[strengths] = np.maximum(_LONGEST, np.abs(vector[strengths]))
-    return np.clip(step, -longest, longest)
+
+class _Point(NamedTuple):
+    """Where a descent is, and what was evaluated there."""
+
+    vector: Float[Array, " q"]
+    evaluations: tuple[Evaluation, ...]
 
 
 def descend(
-    joint: Joint,
+    posterior: Posterior,
     vector: Float[Array, " q"],
     *,
     graduate: bool = True,
     steps: int = 30,
     tolerance: float = 2e-3,
 ) -> Fitted:
-    """Bring the robust misfit of `joint` down from `vector`.
+    """Bring the robust misfit of `posterior` down from `vector`.
 
     **Arguments:**
 
-    - `joint`, `vector`: what to fit, and where to start.
-    - `graduate`: whether to begin with wide knees.
-    - `steps`: at most this many with the knee at the noise.
+    - `posterior`, `vector`: what to fit, and where to start.
+    - `graduate`: whether to begin with large scales of the loss.
+    - `steps`: at most this many with the scale at the noise.
     - `tolerance`: the descent is at rest when two steps in a row take less than this part off the misfit, or off
         one nat where that is less (or 1e-5).
     """
-    vector = jnp.asarray(vector)
-    seen = joint.seen(vector)
+    point = _point(posterior, vector)
     if graduate:
         for quantile in _GRADUATION:
-            knee = _knee(joint, seen, quantile)
-            if knee > 1.2:
-                vector, seen, _, _ = _walk(joint, vector, seen, knee, 4, 0.05)
-    vector, _, look, ending = _walk(joint, vector, seen, 1.0, steps, tolerance)
-    return Fitted(
-        vector, look, misfit_of(np.asarray(look.power), np.asarray(joint.fitted), joint.batch), ending
-    )
+            scale = _scale(posterior, point, quantile)
+            if scale > 1.2:
+                point, _, _ = _steps(graduated(posterior, scale), point, 4, 0.05)
+    point, near, ending = _steps(graduated(posterior, 1.0), point, steps, tolerance)
+    misfit = misfit_of(np.asarray(near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
+    return Fitted(point.vector, near, misfit, ending)
 
 
-def level_out(joint: Joint, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+def level_out(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     """From `vector` down the cost in which all but the largest blocks count alike, whatever their power.
 
     The robust cost gives up what it cannot explain: with friction that differs by direction it may explain one of them
     to the noise and ignore the other. From there no small step leads on; from where both are missed alike one does.
     """
+    point = _point(posterior, vector)
+    for _ in range(2):  # the scale of the blocks that the new place leaves
+        point, _, _ = _steps(graduated(posterior, _scale(posterior, point, _LEVEL)), point, 8, 0.01)
+    return point.vector
+
+
+def _point(posterior: Posterior, vector: Float[Array, " q"]) -> _Point:
     vector = jnp.asarray(vector)
-    seen = joint.seen(vector)
-    for _ in range(2):  # the knee of the blocks that the new place leaves
-        vector, seen, _, _ = _walk(joint, vector, seen, _knee(joint, seen, _LEVEL), 8, 0.01)
-    return vector
+    return _Point(vector, posterior.evaluated(vector))
 
 
-def _knee(joint: Joint, seen: Seen, quantile: float) -> float:
+def _scale(posterior: Posterior, point: _Point, quantile: float) -> float:
     """That quantile of the powers of the blocks that are fitted, at least that of the noise."""
-    fitted = np.asarray(joint.fitted) > 0
-    scored = np.asarray(joint.batch.block_count)[fitted] > 0
-    power = np.nan_to_num(np.asarray(seen.power)[fitted][scored], nan=1e30)
+    fitted = np.asarray(posterior.fitted[0]) > 0
+    scored = np.asarray(posterior.batch.block_count)[fitted] > 0
+    power = np.nan_to_num(np.asarray(point.evaluations[0].power)[fitted][scored], nan=1e30)
     return max(float(np.quantile(power, quantile)), 1.0)
 
 
-def _walk(
-    joint: Joint, vector: Float[Array, " q"], seen: Seen, knee: float, steps: int, tolerance: float
-) -> tuple[Float[Array, " q"], Seen, Look, Ending]:
-    """At most so many `steps` with the knee at the power `knee`: the vector, what is seen of it, its look, and why it
-    ended."""
-    samples = float(np.sum(np.asarray(joint.batch.block_count) * np.asarray(joint.fitted)[:, None]))
-    aside = np.flatnonzero(np.asarray(joint.fitted) == 0.0) + len(joint.layout)
-    damping, still, look = _DAMPING, 0, joint.look_of(seen, vector, knee)
+def _steps(
+    posterior: Posterior, point: _Point, steps: int, tolerance: float
+) -> tuple[_Point, Quadratic, Ending]:
+    """At most so many `steps` down the `posterior` as it is: where they end, the cost near there, and why."""
+    held_out = np.flatnonzero(np.asarray(posterior.fitted[0]) == 0.0) + posterior.parameters
+    least, samples = _cost_at_scale(posterior)
+    damping, small, near = _DAMPING, 0, posterior.assembled(point.evaluations, point.vector)
     for _ in range(steps):
-        if not np.all(np.isfinite(np.asarray(look.hessian))):
-            return vector, seen, look, Ending.NOT_FINITE
-        now = np.asarray(vector)
-        tried = now + _step(joint, now, look, damping)
-        tried[aside] = np.clip(tried[aside], -1.0, 1.0)
-        there = joint.seen(jnp.asarray(tried))
-        beyond = joint.look_of(there, jnp.asarray(tried), knee)
-        cost, new = float(look.cost), float(beyond.cost)
+        if not np.all(np.isfinite(np.asarray(near.hessian))):
+            return point, near, Ending.NOT_FINITE
+        now = np.asarray(point.vector)
+        proposed = now + _step(posterior, now, near, damping)
+        proposed[held_out] = np.clip(proposed[held_out], -1.0, 1.0)
+        there = _point(posterior, jnp.asarray(proposed))
+        near_there = posterior.assembled(there.evaluations, there.vector)
+        cost, new = float(near.cost), float(near_there.cost)
+        # Half a nat of the cost is one of the misfit.
+        next_to_nothing = _next_to_nothing(0.5 * (cost - least) / samples, tolerance)
         if np.isfinite(new) and new < cost:
-            gained = (cost - new) / samples
-            vector, seen, look = jnp.asarray(tried), there, beyond
+            gained = 0.5 * (cost - new) / samples
+            point, near = there, near_there
             damping = max(damping / 5.0, _LEAST)
-            still = still + 1 if gained < _little(cost / samples, tolerance) else 0
-            if still >= 2:
-                return vector, seen, look, Ending.AT_REST
+            small = small + 1 if gained < next_to_nothing else 0
+            if small >= 2:
+                return point, near, Ending.AT_REST
         else:
             damping *= 8.0
             if damping > _MOST:
-                rests = _promised(look) / samples < _little(cost / samples, tolerance)
-                return vector, seen, look, Ending.AT_REST if rests else Ending.NO_STEP
-    return vector, seen, look, Ending.STEPS
+                rests = 0.5 * _promised(near) / samples < next_to_nothing
+                return point, near, Ending.AT_REST if rests else Ending.NO_STEP
+    return point, near, Ending.STEPS
 
 
-def _little(misfit: float, tolerance: float) -> float:
+def _step(posterior: Posterior, vector: np.ndarray, near: Quadratic, damping: float) -> np.ndarray:
+    """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
+    hessian, gradient = np.asarray(near.hessian), np.asarray(near.gradient)
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12))
+    matrix = hessian / np.outer(scale, scale) + damping * np.eye(scale.size)
+    step = -np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
+    longest = np.full(scale.size, _LONGEST)
+    strengths = [i for i, free in enumerate(posterior.layout) if free.parameter.transform == "linear"]
+    longest[strengths] = np.maximum(_LONGEST, np.abs(vector[strengths]))
+    return np.clip(step, -longest, longest)
+
+
+def _cost_at_scale(posterior: Posterior) -> tuple[float, float]:
+    """Cost of the fitted recordings with every block at the scale of the loss, and how many samples they have."""
+    scale = posterior.loss.knee  # type: ignore[attr-defined]
+    fitted, count = np.asarray(posterior.fitted[0])[:, None], np.asarray(posterior.batch.block_count)
+    weight = np.asarray(posterior.weights[0]).reshape(count.shape)
+    least = 0.5 * float(np.sum(fitted * weight * count)) * float(posterior.loss.cost(scale))
+    return least, float(np.sum(fitted * count))
+
+
+def _next_to_nothing(misfit: float, tolerance: float) -> float:
     """Gain per sample that is next to nothing. The cost is a logarithm: far from the noise, too, a nat is a factor e in
     the errors."""
     return max(1e-5, tolerance * min(misfit, 1.0))
 
 
-def _promised(look: Look) -> float:
-    """What the undamped step would take off the cost, were it the parabola of the `look`: g' H^-1 g / 2."""
-    gradient = np.asarray(look.gradient)
-    return 0.5 * float(gradient @ np.linalg.lstsq(np.asarray(look.hessian), gradient, rcond=1e-12)[0])
+def _promised(near: Quadratic) -> float:
+    """What the undamped step would take off the cost, were it its parabola: g' H^-1 g / 2."""
+    gradient = np.asarray(near.gradient)
+    return 0.5 * float(gradient @ np.linalg.lstsq(np.asarray(near.hessian), gradient, rcond=1e-12)[0])

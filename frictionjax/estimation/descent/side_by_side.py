@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.data.batch import CLUSTER, Batch
+from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.descent.levenberg_marquardt import STRIDE, equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.refine import (
     ALIKE,
@@ -22,8 +22,10 @@ from frictionjax.estimation.descent.refine import (
 )
 from frictionjax.estimation.evidence import Noise, Observed, filtered, scored_from_the_start
 from frictionjax.estimation.objective.loss import Cauchy
-from frictionjax.estimation.objective.posterior import Posterior, near_of
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.quadratic import cluster_curvatures, spread_out
 from frictionjax.estimation.parameters import part_of
+from frictionjax.estimation.uncertainty import clustered_covariance
 
 _QUANTILE = 0.8  # of the block powers: the knee of the robust loss, before it is at the noise
 _AT_THE_NOISE = 2  # rounds with the knee at the noise
@@ -48,14 +50,14 @@ class Found(eqx.Module):
     """Where the fits of `d` data sets ended.
 
     **Attributes:** `vector`: free coordinates; `values` of the p parameters, their `slopes` by the vector; `hessian`
-    of the cost and `meat`, the sum of the squared gradients of clusters; `noise`; `cost`; `moved`: as in `Replicas`.
+    of the cost and `covariance` of the vector; `noise`; `cost`; `moved`: as in `Replicas`.
     """
 
     vector: Float[np.ndarray, "d q"]
     values: Float[np.ndarray, "d p"]
     slopes: Float[np.ndarray, "d p q"]
     hessian: Float[np.ndarray, "d q q"]
-    meat: Float[np.ndarray, "d q q"]
+    covariance: Float[np.ndarray, "d q q"]
     noise: Noise
     cost: Float[np.ndarray, " d"]
     moved: Float[np.ndarray, " d"]
@@ -161,17 +163,17 @@ def _told(posterior: Posterior, sets: Sets, starts, vectors, ratios, substeps: i
 
     def one(own: Sets, start, vector, ratio):
         there, noise = _filtered(posterior, own, start, vector, ratio, substeps)
-        near = near_of(there, vector)
-        blocks = near.gradients[0].reshape(own.x.shape[0], -1, vector.shape[0])
-        blocks = jnp.pad(blocks, ((0, 0), (0, -blocks.shape[1] % CLUSTER), (0, 0)))
-        sums = blocks.reshape(-1, CLUSTER, vector.shape[0]).sum(1)
+        evaluation = there.evaluate(vector)
+        near = there.quadratic(vector)
+        parts = (there.loss, there.weights[0], there.places[0], there.fitted[0])
+        bent = cluster_curvatures(evaluation[0], *parts)
 
         def values(point):
             drive = there.drive_of(point)
             return jnp.stack([part_of(drive, free.path) for free in there.constraints.layout])
 
         cost = near.cost + there.log_deviation
-        return values(vector), jax.jacfwd(values)(vector), near.hessian, sums.T @ sums, noise, cost
+        return values(vector), jax.jacfwd(values)(vector), near.hessian, (near.clusters[0], bent), noise, cost
 
     return jax.vmap(one)(sets, starts, vectors, ratios)
 
@@ -213,5 +215,12 @@ def follow(posterior: Posterior, sets: Sets, *, substeps: int, settle: bool) -> 
             break
     ratios = about[:, :, None] * jnp.asarray(NEXT)[None, None]
     told = _told(posterior, sets, starts, vectors, ratios, substeps)
-    values, slopes, hessian, meat, noise, cost = jax.tree.map(np.asarray, told)
-    return Found(np.asarray(vectors), values, slopes, hessian, meat, noise, cost, moved)
+    values, slopes, hessian, (clusters, bent), noise, cost = jax.tree.map(np.asarray, told)
+    place, prior = posterior.places[0], np.asarray(posterior.prior)
+    covariance = np.stack(
+        [
+            clustered_covariance(matrix, [own], [spread_out(parts, place)], prior, [place.rows])
+            for matrix, own, parts in zip(hessian, clusters, bent, strict=True)
+        ]
+    )
+    return Found(np.asarray(vectors), values, slopes, hessian, covariance, noise, cost, moved)

@@ -3,8 +3,11 @@
 from abc import abstractmethod
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Key
 
+from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.physics import Drive
 
 
@@ -39,3 +42,70 @@ class AbstractMeasurement(AbstractEvidence):
     def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "AbstractMeasurement":
         """The same measurement made again on `drive`, which starts at `z0`: data drawn with `key` from the model and
         the noise."""
+
+
+class AbstractRecordings(AbstractEvidence):
+    """Recordings side by side, with a noise that is known beforehand: what a diagnosis fits, tests and judges with.
+
+    **Attributes:** `batch`.
+    """
+
+    batch: eqx.AbstractVar[AbstractBatch]
+
+    @property
+    def rows(self) -> int:
+        """Recordings."""
+        return self.batch.x.shape[0]
+
+    @property
+    def count(self) -> Float[Array, " b"]:
+        """Scored samples in each block, shape `(b,)`."""
+        return self.batch.block_count.ravel()
+
+    @property
+    def log_deviation(self) -> Float[Array, " b"]:
+        """Zeros, shape `(b,)`: the noise is not estimated."""
+        return jnp.zeros(self.count.shape)
+
+    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+        """The `standardised` errors of `drive`, which starts at `z0`, in blocks."""
+        return self.standardised(drive, z0).reshape(-1, self.batch.block)
+
+    @abstractmethod
+    def standardised(
+        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
+    ) -> Float[Array, "rows n"]:
+        """Prediction errors of `drive` over what the noise alone makes of them, 0 where not scored, shape `(rows, n)`:
+        1 in the mean square for a perfect model, at any sample rate.
+
+        **Arguments:**
+
+        - `drive`: the `Drive`.
+        - `z0`: bristle deflection at the first sample over the break-away deflection Fs/sigma0, shape `(rows,)`.
+        - `finer`: times as many integration steps a sample as the batch has.
+        """
+
+    @abstractmethod
+    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+        """The `standardised` errors of `k` `drives`, leaves of shape `(k, ...)`, that start at `z0`."""
+
+    @abstractmethod
+    def at_bandwidth(self, bandwidth: float) -> "AbstractRecordings":
+        """The same recordings through an observer of `bandwidth` Hz, where there is one."""
+
+    @property
+    @abstractmethod
+    def largest_derivative(self) -> Float[Array, " rows"]:
+        """Largest derivative of an error by one coordinate that can mean anything, in each recording."""
+
+    @abstractmethod
+    def with_input(self, more: Float[np.ndarray, "rows n"]) -> "AbstractRecordings":
+        """The same measurements with `more` input, held over each sample."""
+
+    @abstractmethod
+    def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
+        """Standardised errors that white measurement noise of unit power makes, drawn from `rng`."""
+
+    @abstractmethod
+    def without_model(self) -> Float[Array, "rows n"]:
+        """Standardised errors of no model: what any model has to explain, shape `(rows, n)`."""

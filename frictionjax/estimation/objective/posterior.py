@@ -1,30 +1,52 @@
-"""Everything that a fit weighs: all evidence under one loss, the weak prior, and what is known beforehand."""
+"""Everything that a fit weighs: all evidence under one loss, the weak prior, and what is known beforehand.
 
-from typing import NamedTuple
+One objective for `fit` and `diagnose`. A fit evaluates it inside its compiled descent. A diagnosis evaluates it step by
+step: simulation and products are compiled apart, since the first is long and there is one for each structure, and the
+second is short and the same for all structures with as many parameters.
+"""
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from frictionjax.estimation.constraints import Constraints, belief_residuals
-from frictionjax.estimation.evidence import AbstractEvidence, Observed, Positions
+from frictionjax.estimation.data.batch import AbstractBatch, rows_of
+from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings, Observed, Positions
+from frictionjax.estimation.evidence.power import lane_powers
 from frictionjax.estimation.objective.loss import AbstractLoss
-from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic, quadratic_of
-from frictionjax.estimation.parameters import INSIDE, at_a_bound, pack, unpack
+from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.quadratic import (
+    AbstractObjective,
+    Evaluation,
+    Place,
+    Quadratic,
+    cluster_curvatures,
+    quadratic_of,
+    spread_out,
+)
+from frictionjax.estimation.parameters import INSIDE, Free, at_a_bound, pack, unpack
 from frictionjax.physics import Drive
+
+_SQUARED = 1e150  # the square of more is no number
+LANES = 6
+"""Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
 
 
 class Posterior(AbstractObjective):
     """Minus the logarithm of the posterior density of the free vector, but for a constant.
 
     The vector has the p free parameters, then the starting deflection (over Fs/sigma0) of each recording, evidence by
-    evidence; q in all.
+    evidence; q in all. Held-out recordings are predicted in the same run and choose nothing but their own deflection.
 
     **Attributes:** `constraints`, `drive` (structure and fixed parameters), `start` (centre of the admissible range and
     of the weak prior), `prior` (its inverse standard deviations), shape `(q,)`, `evidence`, `weights` (of each
-    evidence's cost, shape `(b,)` each: one for every block), `loss`.
+    evidence's cost, shape `(b,)` each: one for every block), `loss`, `fitted` (for each evidence 1 for the rows that
+    parameters see, 0 for held-out ones, shape `(r,)`), `ceilings` (for each evidence the largest derivative that means
+    anything in each row, shape `(r,)`; None where all count).
     """
 
     constraints: Constraints
@@ -34,11 +56,28 @@ class Posterior(AbstractObjective):
     evidence: tuple[AbstractEvidence, ...]
     weights: tuple[Float[Array, " b"], ...]
     loss: AbstractLoss
+    fitted: tuple[Float[Array, " r"], ...]
+    ceilings: tuple[Float[Array, " r"] | None, ...]
+
+    @property
+    def layout(self) -> tuple[Free, ...]:
+        """The free parameters."""
+        return self.constraints.layout
 
     @property
     def parameters(self) -> int:
         """Number of free parameters, p."""
-        return len(self.constraints.layout)
+        return len(self.layout)
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where the coordinates of each evidence stand in the free vector."""
+        found, first = [], self.parameters
+        size = first + sum(one.rows for one in self.evidence)
+        for one in self.evidence:
+            found.append(Place(self.parameters, first, one.rows, size))
+            first += one.rows
+        return tuple(found)
 
     @property
     def has_positions(self) -> bool:
@@ -56,97 +95,211 @@ class Posterior(AbstractObjective):
     def drive_of(self, vector: Float[Array, " q"]) -> Drive:
         """The `Drive` of a free vector, shape `(q,)`."""
         count = self.parameters
-        free = unpack(self.constraints.layout, self.drive, vector[:count], self.start[:count])
+        free = unpack(self.layout, self.drive, vector[:count], self.start[:count])
         return self.constraints.tied(free)
 
     def deflections_of(self, vector: Float[Array, " q"], index: int) -> Float[Array, " rows"]:
         """Starting deflections, over Fs/sigma0, of the recordings of evidence number `index`."""
-        first = self.parameters + sum(one.rows for one in self.evidence[:index])
-        return vector[first : first + self.evidence[index].rows]
+        place = self.places[index]
+        return vector[place.first : place.first + place.rows]
 
     def within(self, vector: Float[Array, " q"]) -> Float[Array, " q"]:
         """`vector`, shape `(q,)`, with coordinates beyond an end of their range at that end: further out there is no
         slope, and none would ever come back."""
         count = self.parameters
-        layout = self.constraints.layout
-        free = unpack(layout, self.drive, vector[:count], self.start[:count])
-        return jnp.concatenate([pack(layout, free), jnp.clip(vector[count:], -1.0, 1.0)])
+        free = unpack(self.layout, self.drive, vector[:count], self.start[:count])
+        return jnp.concatenate([pack(self.layout, free), jnp.clip(vector[count:], -1.0, 1.0)])
 
     def reaching(self, vector: Float[Array, " q"]) -> "Posterior":
         """The same, but where `vector`, shape `(q,)`, is at an end of a range about the start, it starts there: a
         descent that began far off may have further to go."""
-        layout, count = self.constraints.layout, self.parameters
-        ends = at_a_bound(layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
-        places = np.array([one.label in ends for one in layout] + [False] * (vector.shape[0] - count))
+        count = self.parameters
+        ends = at_a_bound(self.layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
+        places = np.array([one.label in ends for one in self.layout] + [False] * (vector.shape[0] - count))
         return eqx.tree_at(lambda p: p.start, self, jnp.where(places, vector, self.start))
 
     def errors(self, vector: Float[Array, " q"], index: int) -> Float[Array, "b n"]:
         """Errors over their standard deviations of evidence number `index`, shape `(b, n)`, at `vector`."""
         return self.evidence[index].errors(self.drive_of(vector), self.deflections_of(vector, index))
 
-    def columns(self, vector: Float[Array, " q"], index: int) -> tuple[Array, Array]:
-        """The same errors, and their forward-mode derivatives, shape `(q, b, n)`; `vector`, `index` as in `errors`.
+    def evaluate(self, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
+        """The errors of each evidence at `vector`, and their forward-mode derivatives; inside compiled functions."""
+        found = []
+        for index, (one, place) in enumerate(zip(self.evidence, self.places, strict=True)):
+            many, rows = place.parameters, max(place.rows, 1)
+            basis = jnp.eye(many + (place.rows > 0), place.size)
+            if place.rows:
+                # It moves its own recording only, so one column serves all of them.
+                basis = basis.at[many].set(0.0).at[many, place.first : place.first + place.rows].set(1.0)
+            e, columns = jax.vmap(
+                lambda way, index=index: jax.jvp(lambda q: self.errors(q, index), (vector,), (way,)),
+                out_axes=(None, 0),
+            )(basis)
+            power = jnp.sum(e * e, axis=1) / jnp.maximum(one.count, 1.0)
+            columns = columns.reshape(columns.shape[0], rows, -1)
+            sound = self.sound_blocks(index, columns)
+            found.append(Evaluation(e.reshape(rows, -1), power.reshape(rows, -1), columns, sound))
+        return tuple(found)
 
-        A starting deflection moves its own recording only, so one column serves all of them.
+    def sound_blocks(self, index: int, columns: Float[Array, "k r n"]) -> Bool[Array, "r b"]:
+        """The blocks of evidence number `index` in which derivatives, the `columns`, mean something.
+
+        A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow
+        without end and say nothing of a finite step, and one such block would outvote all others. No parameter can do
+        more to the motion than to make the whole of it another: beyond the ceiling a block is not sound. A starting
+        deflection can: all that it might be is far more than a machine in stick moves.
         """
-        count, size = self.parameters, vector.shape[0]
-        rows = self.evidence[index].rows
-        first = count + sum(one.rows for one in self.evidence[:index])
-        basis = jnp.eye(count + (rows > 0), size)
-        if rows:
-            basis = basis.at[count].set(jnp.zeros(size).at[first : first + rows].set(1.0))
-        e, columns = jax.vmap(
-            lambda way: jax.jvp(lambda q: self.errors(q, index), (vector,), (way,)), out_axes=(None, 0)
-        )(basis)
-        full = jnp.zeros((size, *e.shape)).at[:count].set(columns[:count])
-        if rows:
-            shape = (rows, -1, e.shape[1])
-            own = jnp.eye(rows)[:, :, None, None] * columns[count].reshape(shape)[None]
-            full = full.at[first : first + rows].set(own.reshape(rows, *e.shape))
-        return e, full
+        ceiling, rows = self.ceilings[index], columns.shape[1]
+        blocks = self.evidence[index].count.shape[0] // rows
+        if ceiling is None:
+            return jnp.ones((rows, blocks), dtype=bool)
+        # Each by itself: a maximum may pass over what is not a number.
+        bounded = jnp.all(jnp.abs(columns[: self.parameters]) <= ceiling[None, :, None], axis=0)
+        bounded = bounded & (jnp.abs(columns[-1]) < _SQUARED)
+        return jnp.all(bounded.reshape(rows, blocks, -1), axis=-1)
 
     def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
         """The cost near `vector`, shape `(q,)`."""
-        total = self._known(vector)
-        for index, (evidence, weight) in enumerate(zip(self.evidence, self.weights, strict=True)):
-            e, columns = self.columns(vector, index)
-            total += quadratic_of(e, columns, evidence.count, self.loss, weight)
-        return total
+        parts = self._parts(self.evaluate(vector))
+        return _total(parts, self.places, self._prior(vector)) + self._beliefs(vector)
 
-    def _known(self, vector: Float[Array, " q"]) -> Quadratic:
-        """The cost of the weak prior and of what is known beforehand."""
-        off = (vector - self.start) * self.prior
-        total = Quadratic(0.5 * off @ off, off * self.prior, jnp.diag(self.prior**2))
-        beliefs = self.constraints.beliefs
-        if beliefs:
-            residual = belief_residuals(beliefs, self.drive_of(vector))
-            slope = jax.jacfwd(lambda q: belief_residuals(beliefs, self.drive_of(q)))(vector)
-            total += Quadratic(0.5 * residual @ residual, slope.T @ residual, slope.T @ slope)
-        return total
+    # Step by step, as a diagnosis does: each of these is a compiled call.
+
+    def evaluated(self, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
+        """`evaluate`, compiled: one program for each structure."""
+        return _evaluated(self, jnp.asarray(vector))
+
+    def assembled(self, evaluations: tuple[Evaluation, ...], vector: Float[Array, " q"]) -> Quadratic:
+        """The cost near `vector`, of what was evaluated there: one program for all structures with as many
+        parameters."""
+        total = _assembled(self._parts(evaluations), self.places, self._prior(vector))
+        return total + _beliefs(self, vector) if self.constraints.beliefs else total
+
+    def near(self, vector: Float[Array, " q"]) -> Quadratic:
+        """The cost near `vector`, evaluated and assembled."""
+        return self.assembled(self.evaluated(vector), vector)
+
+    def curvatures(self, evaluations: tuple[Evaluation, ...]) -> tuple[Float[np.ndarray, "c q q"], ...]:
+        """The part that each cluster has in the Gauss-Newton matrix, evidence by evidence; without the prior, which is
+        in no cluster, they add up to it."""
+        return tuple(
+            spread_out(
+                np.asarray(cluster_curvatures(one, self.loss, weight, place, fitted)),
+                place,
+            )
+            for one, weight, place, fitted in zip(
+                evaluations, self.weights, self.places, self.fitted, strict=True
+            )
+        )
+
+    def _parts(self, evaluations):
+        counts = tuple(one.count for one in self.evidence)
+        return evaluations, counts, self.weights, self.loss, self.fitted
+
+    def _prior(self, vector):
+        return vector, self.start, self.prior
+
+    def _beliefs(self, vector: Float[Array, " q"]) -> Quadratic:
+        """The cost of what is known beforehand."""
+        beliefs, size = self.constraints.beliefs, vector.shape[0]
+        if not beliefs:
+            return Quadratic(jnp.zeros(()), jnp.zeros(size), jnp.zeros((size, size)))
+        residual = belief_residuals(beliefs, self.drive_of(vector))
+        slope = jax.jacfwd(lambda q: belief_residuals(beliefs, self.drive_of(q)))(vector)
+        return Quadratic(0.5 * residual @ residual, slope.T @ residual, slope.T @ slope)
+
+    # Of one evidence of recordings, as in a diagnosis.
+
+    @property
+    def recordings(self) -> AbstractRecordings:
+        """The only evidence of a diagnosis: recordings side by side."""
+        (one,) = self.evidence
+        assert isinstance(one, AbstractRecordings)
+        return one
+
+    @property
+    def batch(self) -> AbstractBatch:
+        """The recordings of a diagnosis."""
+        return self.recordings.batch
+
+    @property
+    def sample_weight(self) -> Float[Array, "r n"]:
+        """Weight of the block that each sample of the recordings is in."""
+        batch = self.batch
+        return jnp.repeat(self.weights[0].reshape(batch.x.shape[0], -1), batch.block, axis=1)
+
+    def at_bandwidth(self, bandwidth: float) -> "Posterior":
+        """The same, seen by an observer of `bandwidth` Hz."""
+        own = self.recordings.at_bandwidth(bandwidth)
+        return eqx.tree_at(lambda p: (p.evidence, p.ceilings), self, ((own,), (own.largest_derivative,)))
+
+    def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Posterior", Float[Array, " q"]]:
+        """The fitted recordings alone, and what is left of `vector`."""
+        rows, count = np.flatnonzero(np.asarray(self.fitted[0]) > 0), self.parameters
+        kept = np.concatenate([np.arange(count), count + rows])
+        evidence, fitted, ceilings = rows_of((self.recordings, self.fitted[0], self.ceilings[0]), rows)
+        weights = np.asarray(self.weights[0]).reshape(self.recordings.rows, -1)[rows].ravel()
+        start, prior, vector = rows_of((self.start, self.prior, jnp.asarray(vector)), kept)
+        own = (start, prior, (evidence,), (jnp.asarray(weights),), (fitted,), (ceilings,))
+        posterior = eqx.tree_at(
+            lambda p: (p.start, p.prior, p.evidence, p.weights, p.fitted, p.ceilings), self, own
+        )
+        return posterior, vector
+
+    def errors_at(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
+        """Standardised errors for each of `vectors`, shape `(k, r, n)`, some at a time."""
+        found = []
+        for first in range(0, len(vectors), LANES):
+            some = list(vectors[first : first + LANES])
+            padded = some + [some[-1]] * (LANES - len(some))
+            stack = jnp.stack([jnp.asarray(v) for v in padded])
+            found.append(_lanes(self, stack)[: len(some)])
+        return jnp.concatenate(found)
+
+    def powers(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, "k r b"]:
+        """Block powers of the standardised errors for each of `vectors`, shape `(k, r, b)`."""
+        return np.asarray(lane_powers(self.errors_at(vectors), self.batch))
+
+    def misfits(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, " k"]:
+        """Robust misfit per sample of the fitted recordings for each of `vectors`: 0 when every block is at the noise;
+        infinite where a trajectory is not finite."""
+        fitted = np.asarray(self.fitted[0])
+        return np.array([misfit_of(power, fitted, self.batch) for power in self.powers(vectors)])
 
 
-class Near(NamedTuple):
-    """What standard errors are made of: the `cost`; its `hessian`, shape `(q, q)`; for each evidence the gradient of
-    each block's cost, shape `(b, q)`, and each block's mean square in noise levels, shape `(b,)`."""
-
-    cost: Float[Array, ""]
-    hessian: Float[Array, "q q"]
-    gradients: tuple[Float[Array, "b q"], ...]
-    powers: tuple[Float[Array, " b"], ...]
+# XLA's next levels compile for longer, and what they make of this loop is no faster.
+@eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
+def _evaluated(posterior: Posterior, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
+    return posterior.evaluate(vector)
 
 
-def near_of(posterior: Posterior, vector: Float[Array, " q"]) -> Near:
-    """The cost of `posterior` about `vector`, shape `(q,)`, block by block."""
-    total, gradients, powers = posterior._known(vector), [], []
-    for index, (evidence, weight) in enumerate(zip(posterior.evidence, posterior.weights, strict=True)):
-        e, columns = posterior.columns(vector, index)
-        total += quadratic_of(e, columns, evidence.count, posterior.loss, weight)
-        power = jnp.sum(e * e, axis=1) / jnp.maximum(evidence.count, 1.0)
-        scale = posterior.loss.weight(power) * weight
-        gradients.append((jnp.sum(columns * e[None], axis=2) * scale[None]).T)
-        powers.append(power)
-    return Near(total.cost, total.hessian, tuple(gradients), tuple(powers))
+@eqx.filter_jit
+def _assembled(parts, places: tuple[Place, ...], prior) -> Quadratic:
+    return _total(parts, places, prior)
 
 
-curvature_and_gradients = eqx.filter_jit(near_of)
-"""`near_of`, compiled."""
+@eqx.filter_jit
+def _beliefs(posterior: Posterior, vector: Float[Array, " q"]) -> Quadratic:
+    return posterior._beliefs(vector)
+
+
+def _total(parts, places: tuple[Place, ...], prior) -> Quadratic:
+    """The cost of all evidence and of the weak prior."""
+    (evaluations, counts, weights, loss, fitted), (vector, start, stiff) = parts, prior
+    off, size = (vector - start) * stiff, vector.shape[0]
+    # The starting deflection of a held-out recording is fitted to it, and its cost is no part of the fit's.
+    seen = jnp.concatenate([jnp.ones(size - sum(place.rows for place in places)), *_rows(fitted, places)])
+    total = Quadratic(0.5 * jnp.sum(seen * off**2), off * stiff, jnp.diag(stiff**2))
+    for one, count, weight, place, rows in zip(evaluations, counts, weights, places, fitted, strict=True):
+        total += quadratic_of(one, count, loss, weight, place, rows)
+    return total
+
+
+def _rows(fitted, places: tuple[Place, ...]) -> list[Float[Array, " r"]]:
+    return [own[: place.rows] for own, place in zip(fitted, places, strict=True)]
+
+
+@eqx.filter_jit
+def _lanes(posterior: Posterior, vectors: Float[Array, "k q"]) -> Float[Array, "k r n"]:
+    drives = jax.vmap(posterior.drive_of)(vectors)
+    return posterior.recordings.side_by_side(drives, vectors[:, posterior.parameters :])

@@ -1,32 +1,101 @@
-"""A cost near one vector: value, gradient and Gauss-Newton matrix."""
+"""A cost near one vector: value, gradient and Gauss-Newton matrix, and what its parts are made of."""
 
 from abc import abstractmethod
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
+from frictionjax.estimation.data.batch import CLUSTER, rows_of
+from frictionjax.estimation.evidence.power import sum_clusters
 from frictionjax.estimation.objective.loss import AbstractLoss
 
 
 class Quadratic(eqx.Module):
-    """A cost near one vector: its value, its `gradient`, shape `(q,)`, and a Gauss-Newton `hessian`, shape `(q, q)`."""
+    """A cost near one vector.
+
+    **Attributes:** `cost`, its `gradient`, shape `(q,)`, and a Gauss-Newton `hessian`, shape `(q, q)`; for each
+    evidence `clusters`, the gradients of its clusters of 0.5 s without prior, shape `(c, q)`, and `powers`, the mean
+    square of its standardised errors in each block, shape `(r, b)`.
+    """
 
     cost: Float[Array, ""]
     gradient: Float[Array, " q"]
     hessian: Float[Array, "q q"]
+    clusters: tuple[Float[Array, "c q"], ...] = ()
+    powers: tuple[Float[Array, "r b"], ...] = ()
 
     def __add__(self, other: "Quadratic") -> "Quadratic":
         """Both costs together."""
-        return Quadratic(self.cost + other.cost, self.gradient + other.gradient, self.hessian + other.hessian)
+        return Quadratic(
+            self.cost + other.cost,
+            self.gradient + other.gradient,
+            self.hessian + other.hessian,
+            self.clusters + other.clusters,
+            self.powers + other.powers,
+        )
+
+
+class AbstractObjective(eqx.Module):
+    """A cost that a descent can bring down."""
+
+    @abstractmethod
+    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
+        """The cost near `vector`, shape `(q,)`."""
+
+
+class Evaluation(eqx.Module):
+    """Errors of one evidence at one vector, and their derivatives. Evidence without starting deflections is one row.
+
+    **Attributes:** `e` (standardised errors, `(r, n)`), their mean square in each block, `power` `(r, b)`, the
+    `columns` of their derivatives by the p parameters and, last, of each row by its own starting deflection, where
+    it has one, `(k, r, n)`, and the blocks in which those are `sound` `(r, b)`.
+    """
+
+    e: Float[Array, "r n"]
+    power: Float[Array, "r b"]
+    columns: Float[Array, "k r n"]
+    sound: Bool[Array, "r b"]
+
+    @property
+    def block(self) -> int:
+        """Samples in a block."""
+        return self.e.shape[1] // self.power.shape[1]
+
+    def of_recordings(self, rows: Int[np.ndarray, " k"]) -> "Evaluation":
+        """The same of the recordings `rows` alone."""
+        e, power, sound = rows_of((self.e, self.power, self.sound), rows)
+        return Evaluation(e, power, jnp.asarray(np.asarray(self.columns)[:, rows]), sound)
+
+    def sound_columns(self) -> Float[Array, "k r n"]:
+        """The `columns`, 0 in the blocks in which they are not sound."""
+        return jnp.where(_each(self.sound, self.block)[None], self.columns, 0.0)
+
+
+class Place(NamedTuple):
+    """Where the coordinates of one evidence stand in the free vector: the number of `parameters`, the `first` of its
+    starting deflections, how many `rows` there are, and the `size` of the vector."""
+
+    parameters: int
+    first: int
+    rows: int
+    size: int
+
+    @property
+    def blocks_in_cluster(self) -> int:
+        """Blocks that are summed before they scatter: what is no recording has one number in a block, and no time."""
+        return CLUSTER if self.rows else 1
 
 
 def quadratic_of(
-    e: Float[Array, "b n"],
-    columns: Float[Array, "q b n"],
+    evaluation: Evaluation,
     count: Float[Array, " b"],
     loss: AbstractLoss,
-    share: Float[Array, " b"],
+    weight: Float[Array, " b"],
+    place: Place,
+    fitted: Float[Array, " r"],
 ) -> Quadratic:
     """Cost 1/2 sum of `count` rho(mean square) over blocks of standardised errors, with exact gradient.
 
@@ -35,24 +104,82 @@ def quadratic_of(
 
     **Arguments:**
 
-    - `e`: errors over their standard deviations, 0 where not scored, shape `(b, n)`: b blocks.
-    - `columns`: their derivatives, shape `(q, b, n)`.
+    - `evaluation`: errors, 0 where not scored, and their derivatives.
     - `count`: scored samples in each block, shape `(b,)`.
     - `loss`: an `AbstractLoss`.
-    - `share`: how much each block's cost counts, shape `(b,)`.
+    - `weight`: how much each block's cost counts, shape `(b,)`.
+    - `place`: of its coordinates in the free vector.
+    - `fitted`: 1 for the rows that parameters see, 0 for held-out ones, shape `(r,)`.
     """
-    size = jnp.maximum(count, 1.0)
-    power = jnp.sum(e * e, axis=1) / size
-    weight = loss.weight(power) * share
-    root = jnp.sqrt(weight)[:, None]
-    tall = (columns * root[None]).reshape(columns.shape[0], -1)
-    gradient = tall @ (e * root).ravel()
-    return Quadratic(0.5 * jnp.sum(share * count * loss.cost(power)), gradient, tall @ tall.T)
+    blocks, many = evaluation.power.shape, place.parameters
+    scale = _each(loss.weight(evaluation.power) * weight.reshape(blocks), evaluation.block)
+    tall, own = _weighed(evaluation, jnp.sqrt(scale), place, fitted)
+    errors = jnp.sqrt(scale) * evaluation.e
+    # As few passes through the columns as there can be: they are what takes the time beside the simulation.
+    flat = tall.reshape(many, -1)
+    hessian = jnp.zeros((place.size, place.size)).at[:many, :many].set(flat @ flat.T)
+    clusters = sum_clusters(tall * errors[None], evaluation.block, place.blocks_in_cluster)
+    clusters = jnp.concatenate([clusters, jnp.zeros((clusters.shape[0], place.size - many))], axis=1)
+    if place.rows:
+        # A starting deflection moves its own recording only.
+        last = slice(place.first, place.first + place.rows)
+        cross = jnp.sum(tall * own[None], axis=-1)
+        hessian = hessian.at[:many, last].set(cross).at[last, :many].set(cross.T)
+        hessian = hessian.at[last, last].set(jnp.diag(jnp.sum(own * own, axis=-1)))
+        mine = sum_clusters((own * errors)[None], evaluation.block).reshape(place.rows, -1, 1)
+        mine = (jnp.eye(place.rows)[:, None, :] * mine).reshape(-1, place.rows)
+        clusters = clusters.at[:, last].set(mine)
+    costs = jnp.sum((weight * count * loss.cost(evaluation.power.ravel())).reshape(blocks), axis=1)
+    gradient = jnp.sum(clusters, axis=0)
+    return Quadratic(0.5 * jnp.sum(fitted * costs), gradient, hessian, (clusters,), (evaluation.power,))
 
 
-class AbstractObjective(eqx.Module):
-    """A cost that `levenberg_marquardt` can bring down."""
+def _each(blocks: Array, block: int) -> Array:
+    """A value of each block, shape `(r, b)`, for each of its samples."""
+    return jnp.repeat(blocks, block, axis=-1, total_repeat_length=blocks.shape[-1] * block)
 
-    @abstractmethod
-    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
-        """The cost near `vector`, shape `(q,)`."""
+
+def _weighed(
+    evaluation: Evaluation, root: Float[Array, "r n"], place: Place, fitted: Float[Array, " r"]
+) -> tuple[Float[Array, "p r n"], Float[Array, "r n"]]:
+    """Weighed columns of the parameters, which see the fitted rows only, and that of the starting deflections."""
+    columns = evaluation.sound_columns()
+    return columns[: place.parameters] * (root * fitted[:, None])[None], columns[-1] * root
+
+
+@eqx.filter_jit
+def cluster_curvatures(
+    evaluation: Evaluation,
+    loss: AbstractLoss,
+    weight: Float[Array, " b"],
+    place: Place,
+    fitted: Float[Array, " r"],
+) -> Float[Array, "r c k k"]:
+    """Parts of the Gauss-Newton matrix by cluster, in the parameters and the own starting deflection of a row; other
+    arguments as in `quadratic_of`."""
+    scale = _each(loss.weight(evaluation.power) * weight.reshape(evaluation.power.shape), evaluation.block)
+    tall, own = _weighed(evaluation, jnp.sqrt(scale), place, fitted)
+    columns = jnp.concatenate([tall, own[None]]) if place.rows else tall
+    length = evaluation.block * place.blocks_in_cluster
+    columns = jnp.pad(columns, ((0, 0), (0, 0), (0, -columns.shape[-1] % length)))
+    columns = columns.reshape(*columns.shape[:2], -1, length)
+    return jnp.einsum("irct,jrct->rcij", columns, columns)
+
+
+def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndarray, "c q q"]:
+    """Matrices of clusters, in the parameters and the `own` starting deflection, as parts of the whole matrix."""
+    many, (recordings, each) = place.parameters, own.shape[:2]
+    whole = np.zeros((recordings, each, place.size, place.size))
+    for row in range(recordings):
+        places = np.append(np.arange(many), place.first + row) if place.rows else np.arange(many)
+        whole[row][:, places[:, None], places] = own[row]
+    return whole.reshape(-1, *whole.shape[2:])
+
+
+@eqx.filter_jit
+def all_columns(evaluation: Evaluation) -> Float[Array, "q r n"]:
+    """The Jacobian by all parameters and starting deflections of one evidence of recordings, 0 in the blocks in which
+    it is not sound."""
+    columns = evaluation.sound_columns()
+    own = jnp.eye(columns.shape[1])[:, :, None] * columns[-1][None]
+    return jnp.concatenate([columns[:-1], own])

@@ -1,0 +1,99 @@
+"""Positions of a driven machine seen by the fixed-gain observer: forgiving evidence, for the way from a bad start."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.signal import lfilter
+
+from frictionjax.estimation.data.batch import Batch
+from frictionjax.estimation.evidence.base import AbstractRecordings
+from frictionjax.physics import Drive
+from frictionjax.simulation import Gains, innovation_gain, innovations, observer_gains
+from frictionjax.simulation.lanes import innovations_side_by_side
+
+_EXPLODED = 30.0
+"""Times the innovations without any model: the most by which one coordinate of the model, a factor e of a parameter,
+may change an innovation, if its derivative is to mean anything."""
+
+
+class Observed(AbstractRecordings):
+    """Recordings of position side by side, and the gains of their observer.
+
+    **Attributes:** `batch`, `gains` (shape `(r,)`).
+    """
+
+    batch: Batch
+    gains: Gains
+
+    def standardised(
+        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
+    ) -> Float[Array, "rows n"]:
+        """Innovations of an observer of `drive` over their standard deviation under the sensor's noise alone."""
+        batch, substeps = self.batch, finer * self.batch.substeps
+
+        def one(u, x, dt, gains, start):
+            return innovations(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=substeps)
+
+        raw = batch.each(one, self.gains, z0 * drive.friction.Fs / drive.friction.sigma0)
+        return raw / (batch.noise * innovation_gain(self.gains))[:, None] * batch.valid
+
+    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+        """The same of `k` drives at once, as rows of one batch."""
+        batch = self.batch
+        deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
+        start = (batch.x0, batch.v0, deflection, batch.before)
+        raw = innovations_side_by_side(
+            drives, batch.u, batch.x, batch.dt, self.gains, start, substeps=batch.substeps
+        )
+        return raw / (batch.noise * innovation_gain(self.gains))[None, :, None] * batch.valid[None]
+
+    def at_bandwidth(self, bandwidth: float) -> "Observed":
+        """The same recordings through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
+        return observed(self.batch, bandwidth)
+
+    @property
+    def largest_derivative(self) -> Float[Array, " rows"]:
+        """Some times the largest innovation without a model: no parameter can do more than make the whole motion
+        another."""
+        return jnp.asarray(_EXPLODED * np.max(np.abs(np.asarray(self.without_model())), axis=1))
+
+    def without_model(self) -> Float[Array, "rows n"]:
+        """Standardised innovations of an observer that expects every machine to keep its speed.
+
+        With a double pole p it leaves (1 - q)^2 / (1 - p q)^2 of the position, q being the unit delay: the acceleration
+        over the observer's memory.
+        """
+        batch, gains = self.batch, self.gains
+        poles = np.sqrt(1.0 - np.asarray(gains.position))
+        unit = np.asarray(batch.noise * innovation_gain(gains))
+        x, steps = np.asarray(batch.x), np.arange(batch.x.shape[1])
+        travel = (
+            np.asarray(batch.x0)[:, None] + (np.asarray(batch.v0) * np.asarray(batch.dt))[:, None] * steps
+        )
+        left = [
+            lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own)
+            for pole, own in zip(poles, x - travel, strict=True)
+        ]
+        return jnp.asarray(np.stack(left) / unit[:, None] * np.asarray(batch.valid))
+
+    def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Observed":
+        """The same positions with `more` input, held over each sample."""
+        return Observed(dataclasses.replace(self.batch, u=self.batch.u + jnp.asarray(more)), self.gains)
+
+    def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
+        """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
+        pole = np.sqrt(1.0 - np.asarray(self.gains.position))
+        level, white = np.asarray(innovation_gain(self.gains)), rng.standard_normal(self.batch.x.shape)
+        return np.stack(
+            [
+                lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], w) / g
+                for p, g, w in zip(pole, level, white, strict=True)
+            ]
+        )
+
+
+def observed(batch: Batch, bandwidth: float) -> Observed:
+    """The recordings of `batch` through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
+    return Observed(batch, observer_gains(jnp.minimum(bandwidth, 0.1 / batch.dt), batch.dt))

@@ -1,0 +1,55 @@
+"""Friction forces under an imposed motion, before a given noise: evidence of the diagnosis."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.estimation.evidence.base import AbstractRecordings
+from frictionjax.physics import Drive
+
+
+class Imposed(AbstractRecordings):
+    """Recordings of an imposed motion and of the friction force that answers.
+
+    **Attributes:** `batch`.
+    """
+
+    batch: ImposedBatch
+
+    def standardised(
+        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
+    ) -> Float[Array, "rows n"]:
+        """Measured less modelled force of `drive` over its noise; runs along an imposed motion choose their own steps,
+        whatever `finer` says."""
+        batch = self.batch
+        errors = batch.force - batch.run(drive, z0 * drive.friction.Fs / drive.friction.sigma0)[2]
+        return errors / (batch.ease * batch.noise)[:, None] * batch.valid
+
+    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+        """The same of `k` drives at once."""
+        return jax.vmap(self.standardised)(drives, z0)
+
+    def at_bandwidth(self, bandwidth: float) -> "Imposed":
+        """The same: there is no observer."""
+        return self
+
+    @property
+    def largest_derivative(self) -> Float[Array, " rows"]:
+        """Infinite: the motion is what it is, whatever the model."""
+        return jnp.full(self.batch.dt.shape, jnp.inf)
+
+    def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Imposed":
+        """The same: no input acts on an imposed motion, whatever `more` there is."""
+        return self
+
+    def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
+        """White noise from `rng`: nothing filters it."""
+        return rng.standard_normal(self.batch.x.shape)
+
+    def without_model(self) -> Float[Array, "rows n"]:
+        """Standardised errors of a constant friction force."""
+        batch = self.batch
+        mean = jnp.sum(batch.force * batch.valid, axis=1) / jnp.sum(batch.valid, axis=1)
+        return (batch.force - mean[:, None]) / (batch.noise * batch.ease)[:, None] * batch.valid

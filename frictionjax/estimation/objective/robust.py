@@ -1,0 +1,113 @@
+"""The posterior of a diagnosis: all recordings of a case, those that are held out included, under a robust loss."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.estimation.constraints import Constraints
+from frictionjax.estimation.data.batch import AbstractBatch
+from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.estimation.evidence import AbstractRecordings, Imposed, observed
+from frictionjax.estimation.objective.loss import Cauchy
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.parameters import base_layout, effect_layout, pack, weak_prior
+from frictionjax.physics import Drive
+from frictionjax.physics.effects import AbstractEffect
+
+FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
+"""Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
+
+
+def as_evidence(batch: AbstractBatch, bandwidth: float) -> AbstractRecordings:
+    """The recordings of `batch` as evidence: through an observer of `bandwidth` Hz where an input was applied."""
+    return Imposed(batch) if isinstance(batch, ImposedBatch) else observed(batch, bandwidth)  # type: ignore[arg-type]
+
+
+def make_joint(
+    drive: Drive,
+    batch: AbstractBatch,
+    held_out: np.ndarray,
+    *,
+    scales: dict[str, float] | None = None,
+    known_inertia: bool = False,
+) -> tuple[Posterior, Float[Array, " q"]]:
+    """All recordings before the structure of `drive`, seen by the fast observer, and the vector of `drive`.
+
+    **Arguments:**
+
+    - `drive`: structure and start.
+    - `batch`: the recordings; `held_out` (bool, shape `(r,)`) says which choose nothing.
+    - `scales`: the plant's own sizes by name, for the effects' scales.
+    - `known_inertia`: keep J; where all motion is imposed it does not act, and is kept in any case.
+    """
+    dt, imposed = float(jnp.max(batch.dt)), batch.imposed
+    layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
+    layout += effect_layout(drive, scales or {})
+    recordings = batch.x.shape[0]
+    start = jnp.asarray(np.concatenate([pack(layout, drive), np.zeros(recordings)]))
+    evidence = as_evidence(batch, FAST_BANDWIDTH)
+    posterior = Posterior(
+        constraints=Constraints(layout, (), ()),
+        drive=drive,
+        start=start,
+        prior=weak_prior(layout, recordings),
+        evidence=(evidence,),
+        weights=(jnp.ones(evidence.count.shape),),
+        loss=Cauchy(),
+        fitted=(jnp.asarray(np.where(held_out, 0.0, 1.0)),),
+        ceilings=(evidence.largest_derivative,),
+    )
+    return posterior, start
+
+
+def extend(
+    posterior: Posterior,
+    vector: Float[Array, " q"],
+    effect: AbstractEffect,
+    scales: dict[str, float],
+    drive: Drive | None = None,
+) -> tuple[Posterior, Float[Array, " q"]]:
+    """`posterior` with `effect` added, at the solution `vector`, and the vector of that.
+
+    Ranges, prior and observer stay, so that the same vector gives the same misfit. The parameters of the effect stand
+    before the starting deflections.
+
+    **Arguments:**
+
+    - `posterior`, `vector`: the fitted model.
+    - `effect`: the effect to add, at zero strength.
+    - `scales`: the plant's own sizes by name.
+    - `drive`: of the `vector`, where it is at hand.
+    """
+    old = posterior.parameters
+    drive = (posterior.drive_of(vector) if drive is None else drive).with_effects(effect)
+    added = effect_layout(drive, scales, first=len(drive.effects) - 1)
+    start = pack(added, drive)
+
+    def insert(values: Array, more: Array) -> Float[Array, " q"]:
+        return jnp.asarray(np.insert(np.asarray(values), old, np.asarray(more)))
+
+    extended = Posterior(
+        constraints=Constraints(posterior.layout + added, (), ()),
+        drive=drive,
+        start=insert(posterior.start, start),
+        prior=insert(posterior.prior, weak_prior(added, 0)),
+        evidence=posterior.evidence,
+        weights=posterior.weights,
+        loss=posterior.loss,
+        fitted=posterior.fitted,
+        ceilings=posterior.ceilings,
+    )
+    return extended, insert(vector, start)
+
+
+def graduated(posterior: Posterior, scale: float) -> Posterior:
+    """`posterior` with the Cauchy loss of the squared `scale`, its blocks weighed so that those far above it count as
+    much, against the prior, as with the scale at the noise."""
+    own = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(np.asarray(scale, dtype=float)))
+    if scale == 1.0:
+        return own
+    return eqx.tree_at(
+        lambda p: p.weights, own, tuple(2.0 / (1.0 + scale) * weight for weight in own.weights)
+    )
