@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: run benchmarks, keep the numbers, and rewrite the table in README.md from all that are kept.
+"""`python -m benchmarks`: run benchmarks, keep the numbers, and rewrite the tables in docs/benchmarks/ from all kept.
 
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
@@ -35,7 +35,9 @@ NAMES = (
     "estimation_plants",
 )
 HERE = Path(__file__).parent
-BEGIN, END = "<!-- table: python -m benchmarks -->", "<!-- end of table -->"
+RESULTS = HERE / "results"
+PAGES = HERE.parent / "docs" / "benchmarks"
+PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.S)
 
 
 def line(entry: dict) -> str:
@@ -65,14 +67,19 @@ def table(results: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def rewrite() -> None:
-    """Put the table of all results that are kept into README.md."""
-    files = [file for name in NAMES for file in sorted((HERE / "results").glob(f"{name}--*.json"))]
-    kept = [json.loads(file.read_text()) for file in files]
-    readme = HERE / "README.md"
-    text = readme.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    readme.write_text(f"{before}{BEGIN}\n\n{table(kept)}\n{END}{after}", encoding="utf-8")
+def rewrite(pages: Path = PAGES) -> None:
+    """Put the table of each benchmark whose results are kept where a page of the folder `pages` has its place."""
+    placed = set()
+
+    def filled(place: re.Match[str]) -> str:
+        placed.add(place[2])
+        results = [json.loads(file.read_text()) for file in sorted(RESULTS.glob(f"{place[2]}--*.json"))]
+        return f"{place[1]}\n{table(results)}\n{place[3]}" if results else place[0]
+
+    for page in sorted(pages.glob("*.md")):
+        page.write_text(PLACE.sub(filled, page.read_text(encoding="utf-8")), encoding="utf-8")
+    if missing := [name for name in NAMES if name not in placed]:
+        raise LookupError(f"no page in {pages} has a place for {', '.join(missing)}")
 
 
 def main() -> int:
@@ -82,7 +89,7 @@ def main() -> int:
     parser.add_argument(
         "--small", action="store_true", help="small sizes, to see that it runs; keeps nothing"
     )
-    parser.add_argument("--keep", type=Path, default=HERE / "results", metavar="FOLDER", help="for the JSON")
+    parser.add_argument("--keep", type=Path, default=RESULTS, metavar="FOLDER", help="for the JSON")
     arguments = parser.parse_args()
     frictionjax.configure_jax()
     from benchmarks.timing import machine
@@ -108,7 +115,7 @@ def main() -> int:
             processor = re.sub("[^a-z0-9]+", "-", about["processor"].lower()).strip("-")
             file = arguments.keep / f"{name}--{processor}.json"
             file.write_text(json.dumps(result, indent=1) + "\n")
-    if not arguments.small and arguments.keep == HERE / "results":
+    if not arguments.small and arguments.keep == RESULTS:
         rewrite()
     return 0
 

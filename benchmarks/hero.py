@@ -1,6 +1,6 @@
 """Draw README's picture from the result of `frictionjax demo --out out/demo`.
 
-python benchmarks/hero.py out/demo benchmarks/hero.png
+python benchmarks/hero.py out/demo docs/pictures/demo.png
 """
 
 import json

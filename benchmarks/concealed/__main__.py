@@ -1,10 +1,11 @@
-"""`python -m benchmarks.concealed`: make a sealed batch, solve it without the truth, reveal how it went.
+"""`python -m benchmarks.concealed`: make a sealed batch, solve it without the truth, reveal the results.
 
     python -m benchmarks.concealed make --cases 120 --seed 71 --out out/batch
     python -m benchmarks.concealed solve out/batch --rivals
     python -m benchmarks.concealed reveal out/batch --out out/revealed
+    python -m benchmarks.concealed series
 
-`solve` goes on where it stopped. Hours at 120 cases.
+`solve` goes on where it stopped. Hours at 120 cases. `series` prints a row for each batch whose results are kept.
 """
 
 import argparse
@@ -40,11 +41,12 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     reveal.add_argument(
         "--no-witness", action="store_true", help="leave out oracle and energy: nothing is simulated again"
     )
+    verbs.add_parser("series", help="print a row for each batch whose results are kept")
     return parser.parse_args(arguments)
 
 
 def main() -> None:
-    """Run one of the three; what is wrong with a folder is told in a sentence."""
+    """Run one of the verbs; what is wrong with a folder is reported in a sentence."""
     try:
         _run(parsed())
     except (BrokenSeal, FileExistsError, FileNotFoundError) as error:
@@ -63,6 +65,10 @@ def _run(options: argparse.Namespace) -> None:
         set_up(options.batch)
         with workers(options.workers, options.batch) if options.workers > 1 else nullcontext() as executor:
             solve(options.batch, rivals=options.rivals, bic_seconds=options.bic_seconds, executor=executor)
+    elif options.verb == "series":
+        from benchmarks.concealed.tables import kept, series
+
+        print(series(kept()))
     else:
         from benchmarks.concealed.reveal import markdown, reveal
 

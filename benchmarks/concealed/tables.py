@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from benchmarks.concealed.scores import GOALS, METHODS, STRENGTHS
 
@@ -149,6 +151,52 @@ def detectable(scores: dict) -> str:
 def together(scores: dict) -> str:
     """Names that were given together."""
     return _table(("one class", "cases"), [(k, str(n)) for k, n in scores["stated_together"].items()])
+
+
+def kept() -> list[dict]:
+    """The results of all revealed batches, in the order of their seeds, smaller ones included."""
+    folder = Path(__file__).parent / "results"
+    files = [*folder.glob("*.json"), *folder.glob("smaller/*.json")]
+    return [
+        json.loads(file.read_text(encoding="utf-8")) for file in sorted(files, key=lambda file: file.stem)
+    ]
+
+
+def series(results: Sequence[dict]) -> str:
+    """A row for each batch of `results`, as `reveal` writes them."""
+    head = (
+        "seed",
+        "cases",
+        "commit",
+        "right within class (strong, medium)",
+        "false alarms",
+        "outside: flagged unknown",
+        "outside: named wrongly",
+        "two effects, F1",
+        "held-out recovery, median",
+        "size in its 95 % interval",
+        "s a case, median",
+    )
+    rows = []
+    for result in results:
+        scores = result["scores"]
+        alarms = scores["alarms"]
+        rows.append(
+            (
+                str(result["seed"]),
+                str(scores["cases"]),
+                result["solver"]["commit"][:7],
+                _percent(scores["naming"]["strong_and_medium"]),
+                _percent(alarms["false_alarms"]),
+                _percent(alarms["outside_flagged"]),
+                _percent(alarms["outside_named"]),
+                _number(scores["two_f1"]),
+                _number(scores["held_out"]["recovery"]["all"]),
+                _percent(scores["sizes"]["coverage"]),
+                _number(scores["seconds"], 0),
+            )
+        )
+    return _table(head, rows)
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

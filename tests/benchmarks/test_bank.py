@@ -176,11 +176,11 @@ SUMS = {
 
 
 @pytest.mark.parametrize("name", SUMS)
-def test_the_sums_in_the_readme_are_those_of_the_lines_that_are_kept(name, monkeypatch, capsys):
+def test_the_sums_in_the_page_of_the_bank_are_those_of_the_lines_that_are_kept(name, monkeypatch, capsys):
     benchmarks = Path(diagnosis.__file__).parent
     first, *beside = SUMS[name]
     results = benchmarks / "results"
     more = ["--beside", *(results / folder for folder in beside)] if beside else []
     sums = _told(monkeypatch, capsys, "--out", results / first, *more).partition("### in all\n")[2]
-    text = (benchmarks / "README.md").read_text(encoding="utf-8")
+    text = (benchmarks.parent / "docs" / "benchmarks" / "bank.md").read_text(encoding="utf-8")
     assert sums.strip() == text.partition(f"<!-- sums of {name} -->")[2].partition("<!-- end -->")[0].strip()

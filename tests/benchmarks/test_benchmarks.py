@@ -78,16 +78,32 @@ def test_a_name_that_is_none_is_refused():
     assert "nothing" in done.stderr
 
 
-def test_results_that_are_kept_name_the_machine_and_match_the_table():
+def test_results_that_are_kept_name_the_machine_and_stand_in_the_pages(importable, tmp_path):
+    from benchmarks.__main__ import PAGES, rewrite
+
     kept = sorted((BENCHMARKS / "results").glob("*.json"))
     assert kept
-    table = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
+    pages = {page.name: page.read_text(encoding="utf-8") for page in PAGES.glob("*.md")}
+    together = "\n".join(pages.values())
     for path in kept:
         result = json.loads(path.read_text())
         assert result["machine"]["processor"]
         assert result["machine"]["cores"] >= 1
         for row in result["rows"]:
-            assert row["what"] in table, f"{path.name}: the table lacks a row"
+            assert row["what"] in together, f"{path.name}: no page has the row"
+    for name, text in pages.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    rewrite(tmp_path)
+    assert {page.name: page.read_text(encoding="utf-8") for page in tmp_path.iterdir()} == pages
+
+
+def test_a_benchmark_without_a_place_in_the_pages_is_an_error(importable, tmp_path):
+    from benchmarks.__main__ import rewrite
+
+    (tmp_path / "page.md").write_text("<!-- table: lanes -->\n<!-- end of table -->\n", encoding="utf-8")
+    with pytest.raises(LookupError, match="accuracy"):
+        rewrite(tmp_path)
+    assert "rows of one batch" in (tmp_path / "page.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")

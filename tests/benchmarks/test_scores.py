@@ -15,7 +15,7 @@ from benchmarks.concealed.intervals import bootstrapped, wilson
 from benchmarks.concealed.reality import make_case
 from benchmarks.concealed.reveal import page
 from benchmarks.concealed.scores import scores
-from benchmarks.concealed.tables import TABLES, rivals, summary
+from benchmarks.concealed.tables import TABLES, kept, rivals, series, summary
 from benchmarks.concealed.witness import REGIMES, missing_force, regime_of
 
 ROOT = Path(__file__).parents[2]
@@ -165,30 +165,44 @@ def test_the_witness_sees_where_an_effect_acts_and_predicts_to_the_noise():
     assert np.sqrt(np.mean((hidden.ahead - recording["x"])[scored] ** 2)) < 0.01 * blind
 
 
-# The batch in README
+# The pages that quote the batches
 
 
 def _rows(text):
     return {line for line in text.splitlines() if line.startswith("| ")}
 
 
-def test_readme_tells_what_the_last_batch_measured():
+def test_the_page_of_the_challenge_has_what_the_last_batch_measured():
     """Its tables are rows of what `reveal` prints from the scores that are kept, and its seed and seal are theirs."""
-    kept = sorted((ROOT / "benchmarks" / "concealed" / "results").glob("*.json"))
-    results = json.loads(kept[-1].read_text(encoding="utf-8"))
-    assert results["scores"]["cases"] >= 120
+    last = sorted((ROOT / "benchmarks" / "concealed" / "results").glob("*.json"))[-1]
+    results = json.loads(last.read_text(encoding="utf-8"))
+    scores = results["scores"]
+    assert scores["cases"] >= 120
     assert not results["solver"]["changed_files"]
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = readme.split("## The blind challenge")[1].split("\n## ")[0]
-    told = _rows(section)
-    measured = _rows(summary(results["scores"])) | _rows(rivals(results["scores"]))
-    assert len(told) > 10
-    assert told <= measured
+    page = (ROOT / "docs" / "blind-challenge.md").read_text(encoding="utf-8")
+    section = page.split("## The last batch of 120 cases")[1].split("\n## ")[0]
+    quoted = _rows(section)
+    measured = _rows(summary(scores)) | _rows(rivals(scores))
+    assert len(quoted) > 10
+    assert quoted <= measured
     assert f"seed {results['seed']}" in section
     assert results["sealed"][:16] in section
     assert results["solver"]["commit"][:7] in section
-    series = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert all(f"| {path.stem} |" in series for path in kept)
+    right, alarms = scores["naming"]["strong_and_medium"], scores["alarms"]["false_alarms"]
+    headline = (
+        f"{right['hits']} of {right['of']} named right, {alarms['hits']} of {alarms['of']} false alarms"
+    )
+    assert headline in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_challenge_has_every_batch_that_is_kept():
+    batches = kept()
+    assert [batch["seed"] for batch in batches] == sorted({batch["seed"] for batch in batches})
+    assert len(batches) >= 5
+    page = (ROOT / "docs" / "blind-challenge.md").read_text(encoding="utf-8")
+    assert series(batches) in page
+    record = (ROOT / "docs" / "benchmarks" / "blind-challenge.md").read_text(encoding="utf-8")
+    assert all(f"seed {batch['seed']}" in record for batch in batches)
 
 
 @pytest.mark.parametrize(
@@ -196,14 +210,10 @@ def test_readme_tells_what_the_last_batch_measured():
     sorted((ROOT / "benchmarks" / "concealed" / "results" / "smaller").glob("*.json")),
     ids=lambda path: path.stem,
 )
-def test_a_smaller_batch_is_told_with_its_number_of_cases(path):
+def test_a_smaller_batch_is_quoted_with_its_number_of_cases_and_its_seal(path):
     results = json.loads(path.read_text(encoding="utf-8"))
-    scores, commit = results["scores"], results["solver"]["commit"][:7]
-    assert scores["cases"] < 120 and not results["solver"]["changed_files"]
-    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    row = next(
-        line for line in changes.splitlines() if line.startswith(f"| {path.stem}, {scores['cases']} cases |")
-    )
-    assert f"| {commit} |" in row and f"| {scores['two_f1']['value']:.2f} |" in row
-    told = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
-    assert results["sealed"][:16] in told and f"commit {commit}" in told
+    cases, commit = results["scores"]["cases"], results["solver"]["commit"][:7]
+    assert cases < 120 and not results["solver"]["changed_files"]
+    record = (ROOT / "docs" / "benchmarks" / "blind-challenge.md").read_text(encoding="utf-8")
+    section = record.split(f"seed {path.stem}, {cases} cases")[1].split("\n## ")[0]
+    assert results["sealed"][:16] in section and f"commit {commit}" in section

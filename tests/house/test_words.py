@@ -19,7 +19,7 @@ def tracked_files(repository: Path) -> list[Path]:
     listing = subprocess.run(["git", "-C", repository, "ls-files", "-z"], capture_output=True, text=True)
     if listing.returncode == 0 and listing.stdout:
         return [path for name in listing.stdout.split("\0") if name and (path := repository / name).is_file()]
-    folders = [repository / name for name in ("frictionjax", "tests", "benchmarks", "notebooks")]
+    folders = [repository / name for name in ("frictionjax", "tests", "benchmarks", "docs", "notebooks")]
     inside = [path for folder in folders for path in folder.rglob("*") if "__pycache__" not in path.parts]
     return [path for path in [*repository.iterdir(), *inside] if path.is_file()]
 

@@ -180,7 +180,7 @@ def filtered_on_all(
     """`filtered`, with the recordings spread over all devices: a thread for each feeds it.
 
     One program over all devices (`shard_map`) would be the usual way. On CPU it took sixty times longer than one device
-    alone, for a reason that was not found (benchmarks/README.md).
+    alone, for a reason that was not found (docs/benchmarks/simulation.md).
 
     **Arguments:**
 
