@@ -20,7 +20,7 @@ from benchmarks.concealed.reality.experiments import FAMILIES
 from frictionjax.core import silent
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, fit_base
-from frictionjax.diagnosis.intake.starting_point import begin
+from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.physics import Drive, LuGre
 
 ELSEWHERE = 0.02
@@ -46,11 +46,11 @@ def fitted(seed: int, family: str) -> Ended:
     simulated = make_case(seed, missing=(), families=family, stretch=0.5)
     case, own = case_of(simulated), simulated.truth["base"]
     friction = LuGre(**{name: value for name, value in own.items() if name != "J"})
-    begun = begin(case)
+    starting = starting_point(case)
     with ThreadPoolExecutor(2) as executor:
         found = base_of(begun, executor, silent, known_inertia=False)
         true = Drive(own["J"], friction, case.plant.motor_constant)
-        best = fit_base([true], begun.batch, begun.held_out, executor, silent)
+        best = fit_base([true], starting.batch, starting.held_out, executor, silent)
     floor = np.ones((1, 1))
     starts, truth = (model.judgement.misfits(floor)[0] for model in (found, best))
     return Ended(starts, truth, credibility(found).credible)

@@ -31,7 +31,7 @@ from frictionjax.diagnosis.base_model import fit_base as base_fit
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_noise, quietness
-from frictionjax.diagnosis.intake.starting_point import Beginning, begin
+from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
@@ -46,11 +46,11 @@ EFFECTS = [name for name in SIZES if name != "elasto_plastic"]
 """Not elasto-plastic slip: the simulator's bristle yields along another curve."""
 
 
-def _true_drive(begun: Beginning, truth: dict[str, float]) -> Drive:
+def _true_drive(starting: StartingPoint, truth: dict[str, float]) -> Drive:
     names = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
     return eqx.tree_at(
         lambda d: (d.J, d.friction),
-        begun.start.drives[0],
+        starting.start.drives[0],
         (jnp.asarray(truth["J"]), fj.LuGre(*(truth[name] for name in names))),
     )
 
@@ -70,8 +70,8 @@ def _force(model: Model) -> float:
 def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
     simulated = make_case(seed, missing=(), strength="strong")
-    begun, truth = begin(case_of(simulated)), simulated.truth["base"]
-    model = _fitted(*make_joint(_true_drive(begun, truth), begun.batch, begun.held_out))
+    starting, truth = starting_point(case_of(simulated)), simulated.truth["base"]
+    model = _fitted(*make_joint(_true_drive(starting, truth), starting.batch, starting.held_out))
     slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
@@ -90,11 +90,11 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     drawn = simulated.truth["sizes"][effect]
     if not isinstance(drawn.get(theirs), float) or drawn.get("viscous"):
         return None
-    true, begun = convert(drawn[theirs]), begin(case_of(simulated))
-    drive = _true_drive(begun, simulated.truth["base"])
+    true, starting = convert(drawn[theirs]), starting_point(case_of(simulated))
+    drive = _true_drive(starting, simulated.truth["base"])
     form = next(f for f in catalogue()[effect] if ours in [p.name for p in f.strengths + f.nuisances])
-    joint, vector = make_joint(drive, begun.batch, begun.held_out)
-    joint, vector = extend(joint, vector, form(), plant_scales(drive, begun.batch), drive)
+    joint, vector = make_joint(drive, starting.batch, starting.held_out)
+    joint, vector = extend(joint, vector, form(), plant_scales(drive, starting.batch), drive)
     place = next(i for i, free in enumerate(joint.layout) if free.label == ours)
     free = joint.layout[place]
     there = np.log(true) if free.parameter.transform == "log" else true / float(free.scale)

@@ -16,7 +16,7 @@ from benchmarks.bank import case_of
 from benchmarks.concealed.reality import make_case
 from frictionjax.core import keep_compiled
 from frictionjax.diagnosis.base_model.fit_base import base_of
-from frictionjax.diagnosis.intake.starting_point import begin
+from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.diagnosis.selection.decide import effect_p_values
 from frictionjax.estimation.scales import plant_scales
@@ -27,7 +27,7 @@ LEVELS = (0.05, 0.01, 0.001)
 def p_values(seed: int, executor: ThreadPoolExecutor) -> tuple[list[float], dict[str, float]]:
     """p-values of the single tests before one machine, and of its effects (times the number of their tests)."""
     simulated = make_case(seed, missing=(), strength="strong")
-    base = base_of(begin(case_of(simulated)), executor, lambda *_: None, known_inertia=False)
+    base = base_of(starting_point(case_of(simulated)), executor, lambda *_: None, known_inertia=False)
     scales = plant_scales(base.judgement.drive, base.joint.batch)
     trials = try_catalogue(base, scales, executor, frozenset())[0]
     return [trial.p_value for trial in trials], effect_p_values(trials)

@@ -10,7 +10,7 @@ import numpy as np
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.base_model.credibility import credibility
-from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, told_parameters
+from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
@@ -21,7 +21,7 @@ from frictionjax.diagnosis.findings.not_diagnosed import unscored
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
-from frictionjax.diagnosis.intake.starting_point import begin, check
+from frictionjax.diagnosis.intake.starting_point import check, starting_point
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.locate import Located, locate
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
@@ -43,27 +43,27 @@ from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 
 _UNDETERMINED = (
-    "The parameters of the fitted recordings alone predict those kept aside worse than the noise; one set of "
-    "parameters predicts all of them to the noise. These recordings ask for no other physics; the fitted ones leave "
-    "some parameter open: fit a recording like those kept aside, too."
+    "The base model fits every recording when all are fitted together, but not when only the fit recordings are used. "
+    "No extra physics is needed; the fit recordings leave a parameter undetermined. Add one like the held-out "
+    "recordings."
 )
-_HARDLY = (
-    "The base model alone predicts the motion no better than no model would; only with {} it does. Its own parameters "
-    "mean little."
+_NOT_MEANINGFUL = (
+    "Without {} the base model predicts no better than assuming constant velocity; its own parameters are not "
+    "meaningful."
 )
-_MISLEADING = (
-    "A map of the missing force over {} lowers the held-out misfit, yet the held-out error rises from {:.3g} to {:.3g} "
-    "times the noise: it is not kept."
+_MAP_REJECTED = (
+    "A map of the residual force over {} lowers the held-out misfit, but the held-out error rises from {:.3g} to "
+    "{:.3g} times the noise: the map is not used."
 )
 
 
 def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
-    """Locate the mismatch between the recordings and the base model, name what is missing, and verify it.
+    """Locate the mismatch between recordings and base model, name the missing physics, and verify it on held-out data.
 
     **Arguments:**
 
     - `case`: plant and recordings; at least one recording must be held out.
-    - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits side by side. None: a
+    - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits in parallel. None: a
       thread for each core of this machine.
     - `progress`: called with the stage and the fraction done.
 
@@ -90,45 +90,48 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    begun = begin(case)
+    starting = starting_point(case)
     clock.stage("start")
-    scene = begun.scene
+    scene = starting.scene
     known = plant.inertia is not None
     base = base_of(
-        begun, executor, lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction), known_inertia=known
+        starting,
+        executor,
+        lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
+        known_inertia=known,
     )
-    notes = list(begun.notes)
+    notes = list(starting.notes)
     scene = _with_steps_of(scene, base)
     credible, known = credibility(base), ""
     if not credible.credible:
-        progress("looking for what is wrong", 0.2)
+        progress("checking sign and inertia", 0.2)
         known = mistake(case, lambda other: _base_alone(other, executor))
     clock.stage("base fit")
-    untestable, unseen = not_testable(case, begun.batch)
+    untestable, unseen = not_testable(case, starting.batch)
     steps: list[Step] = []
     if not known:
         steps = select(
             base,
             executor,
             lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-            without=unseen | frozenset(idle_effects() if begun.imposed else ()),
+            without=unseen | frozenset(idle_effects() if starting.imposed else ()),
             barred=frozenset(untestable),
-            stick_inertia=begun.start.stick_inertia,
+            stick_inertia=starting.start.stick_inertia,
         )
     clock.stage("naming")
     if not credible.credible:
-        # A pendulum is no machine on rails: what is missing may be all that moves it.
+        # What is missing may be most of the force: gravity on a pendulum.
         mended = [step.accepted for step in steps if step.accepted is not None]
         if not mended or not credibility(mended[-1].model).credible:
             own = parameters_of(base, units)
             warnings = (
                 what_to_check(credible, case, known),
-                *_warnings(case, own, message_of(base), begun.notes),
+                *_warnings(case, own, message_of(base), starting.notes),
             )
             seen = view(base.judgement, scene)
             clock.stage("judging")
-            return unscored(case, base, scene, seen, own, warnings, clock.told(compiling))
-        notes.append(_HARDLY.format(", ".join(found.effect for found in mended)))
+            return unscored(case, base, scene, seen, own, warnings, clock.report(compiling))
+        notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in mended)))
     base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
     last = accepted[-1].model if accepted else base
@@ -137,28 +140,28 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         notes.append(_UNDETERMINED)
     residual = None
     if verdict == "unknown":
-        progress("what carries the rest", 0.82)
+        progress("mapping the residual force", 0.82)
         residual = residual_model(last, steps[-1].floor, executor)
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
-    progress("judging on every recording", 0.86)
+    progress("predicting every recording", 0.86)
     scene = _with_steps_of(scene, final)
 
-    def told(model: Model) -> Future:
-        # What a base model lacks bends its parameters by more than an unmeasured force does.
+    def parameters(model: Model) -> Future:
+        # What a base model lacks biases its parameters by more than an unmeasured force does.
         force = steps[-1].force if model is last else 0.0
-        return executor.submit(told_parameters, model, units, force, lacking=model is base is not final)
+        return executor.submit(reported_parameters, model, units, force, lacking=model is base is not final)
 
-    of_base, of_final = told(base), None if final is base else told(final)
+    of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
     if residual is not None and residual.helps:
         own_view = base_view if last is base else view(last.judgement, scene)
         before, after = (held_out_error(seen, scene) for seen in (own_view, extended_view))
         if after > before:
-            notes.append(_MISLEADING.format(residual.variable, before, after))
+            notes.append(_MAP_REJECTED.format(residual.variable, before, after))
             residual, final, extended_view = None, last, own_view
-            of_final = None if final is base else told(final)
-    progress("locating", 0.95)
+            of_final = None if final is base else parameters(final)
+    progress("mapping the mismatch", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
     bins = located.bins
     (base_parameters, _), (extended, coarse) = of_base.result(), (of_final or of_base).result()
@@ -168,7 +171,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     notes += not_designed
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
-    fits = recording_fits(begun.recordings, scene, base_view, extended_view, base.judgement.drive)
+    fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -183,7 +186,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         recordings=fits,
         candidates=candidates(steps, units, untestable),
         warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
-        seconds=clock.told(compiling),
+        seconds=clock.report(compiling),
         within=located.within,
     )
 
@@ -195,8 +198,8 @@ def _with_steps_of(scene: Scene, model: Model) -> Scene:
 
 
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
-    """Base and final model before all recordings; the base model as the final one with silent effects, so that both
-    are compiled once."""
+    """What base and final model predict for all recordings; the base model as the final one with effects of zero
+    strength, so that both are compiled once."""
     extended = view(final.judgement, scene)
     if final is base:
         return extended, extended
@@ -207,7 +210,7 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
 
 def _base_alone(case: Case, executor: Executor) -> Model:
     """The base model of a changed case."""
-    return base_of(begin(case), executor, silent, known_inertia=case.plant.inertia is not None)
+    return base_of(starting_point(case), executor, silent, known_inertia=case.plant.inertia is not None)
 
 
 class _Stages:
@@ -222,7 +225,7 @@ class _Stages:
         self.seconds[name] = round(now - self._last, 2)
         self._last = now
 
-    def told(self, compiling: CompileClock) -> dict[str, float]:
+    def report(self, compiling: CompileClock) -> dict[str, float]:
         total = time.perf_counter() - self._start
         return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}
 
@@ -247,7 +250,7 @@ def _map(
 def _unexplained(
     verdict: Verdict, left: tuple[bool, float], bins: tuple[MismatchBin, ...], residual: ResidualModel | None
 ) -> Unexplained:
-    """What remains, where it acts, and over which variable a map of it predicts recordings kept aside."""
+    """What remains, where it acts, and over which variable a map of it predicts held-out recordings."""
     present, share = left
     regimes = [b for b in bins if b.axis == "regime"]
     if verdict == "unknown" and residual is None:
@@ -266,22 +269,24 @@ def _unexplained(
 
 
 def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
-    """Named effect -> the experiment that tells it from the closest of its class; and why there is none, where there is
-    none."""
+    """Named effect -> the experiment that distinguishes it from the closest of its class; and why there is none, where
+    there is none."""
     found, failed = {}, []
     for step in steps:
         if step.accepted is None or not step.rivals:
             continue
         rival = next(r for r in step.refits if r.effect in step.rivals)
-        progress(f"designing the experiment that tells {step.accepted.effect} from {rival.effect}", 0.97)
+        progress(
+            f"designing an experiment that distinguishes {step.accepted.effect} from {rival.effect}", 0.97
+        )
         pair = f"{step.accepted.effect} from {rival.effect}"
         try:
             designed = next_experiment(step.accepted, rival)
         except InputError as error:
-            failed.append(f"No experiment was designed that tells {pair}: {error}")
+            failed.append(f"No experiment was designed that distinguishes {pair}: {error}")
             continue
         if designed is None:
-            failed.append(f"None of the plain experiments tells {pair} within an hour.")
+            failed.append(f"None of the standard experiments distinguishes {pair} within an hour.")
         else:
             found[step.accepted.effect] = designed
     return found, tuple(failed)
@@ -333,7 +338,7 @@ def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[
     warnings += list(notes)
     vague = [name for name, estimate in base.items() if not estimate.identified]
     if vague:
-        warnings.append(f"These recordings do not determine {', '.join(vague)} of the base model.")
+        warnings.append(f"Not identifiable from these recordings: {', '.join(vague)} of the base model.")
     if message:
         warnings.append(f"Base fit: {message}")
     return tuple(dict.fromkeys(warnings))

@@ -9,7 +9,7 @@ from helpers_estimation import PLANT, base_fit, small_case
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.base_model.credibility import Credibility, _compared, credibility
-from frictionjax.diagnosis.intake.starting_point import begin
+from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.evidence import observed
 from frictionjax.recordings import Case, Plant, Recording
@@ -25,7 +25,7 @@ def with_input(case, change):
 
 def fitted(case):
     """Its base fit."""
-    return base_fit(begin(case).start.drives, case.fit_recordings + case.holdout_recordings)
+    return base_fit(starting_point(case).start.drives, case.fit_recordings + case.holdout_recordings)
 
 
 def test_a_good_base_fit_is_credible_and_that_of_a_reversed_input_is_not():

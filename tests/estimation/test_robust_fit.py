@@ -21,7 +21,7 @@ from helpers_estimation import (
 from helpers_plants import effect
 
 from frictionjax.core.compile_time import CompileClock
-from frictionjax.diagnosis.base_model.fit_base import message_of, parameters_of, told_parameters
+from frictionjax.diagnosis.base_model.fit_base import message_of, parameters_of, reported_parameters
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.estimation import starting_values
@@ -316,11 +316,11 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     kept, led_away = at_finer_steps(joint, away, joint.near(away), joint.evaluated(away)[0])
     np.testing.assert_array_equal(kept, away)
     assert led_away
-    far = told_parameters(
+    far = reported_parameters(
         Model(joint, Fitted(away, joint.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
     )
     assert far[1].startswith("The parameters are those of few integration steps a sample")
-    assert told_parameters(fitted, UNITS)[1] == ""
+    assert reported_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda near: near.hessian, fitted.fitted.near, fitted.fitted.near.hessian * np.nan)
     kept, led_away = at_finer_steps(joint, vector, lost, joint.evaluated(vector)[0])
     np.testing.assert_array_equal(kept, vector)
@@ -334,7 +334,7 @@ def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
         joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
         with_effect = Fitted(vector, joint.near(vector), 0.0, Ending.AT_REST)
         model = Model(joint, with_effect, judge(joint, with_effect))
-        told = told_parameters(model, UNITS)[1]
+        told = reported_parameters(model, UNITS)[1]
         assert told.startswith(said)
         assert bool(told) == bool(said)
 

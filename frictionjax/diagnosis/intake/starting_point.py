@@ -1,4 +1,4 @@
-"""Where a diagnosis begins: the recordings of a case side by side, and starting values read off them.
+"""The starting point of a diagnosis: the recordings of a case in arrays, and starting values read off them.
 
 The recordings of a case are all of one kind: an input was applied and the position answered, or the motion was imposed
 and the friction force answered.
@@ -17,10 +17,10 @@ from frictionjax.estimation.start.driven import Start, starting_values
 from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.recordings import Case, Recording
 
-_NO_INERTIA = "The motion is imposed: no inertia acts, and none is identified."
+_NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified."
 
 
-class Beginning(eqx.Module):
+class StartingPoint(eqx.Module):
     """The `recordings` of a case, the fitted ones first; the same as a `batch`; which are `held_out` (bool, shape
     `(r,)`); the `start`; and `notes`, sentences for the warnings."""
 
@@ -42,21 +42,21 @@ class Beginning(eqx.Module):
         return Scene(self.batch, self.held_out, bandwidth, tuple(r.name for r in self.recordings))
 
 
-def begin(case: Case) -> Beginning:
+def starting_point(case: Case) -> StartingPoint:
     """Read starting values off the fitted recordings of a `case` that `check` lets pass."""
     plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     if recordings[0].drive == "motion":
         batch = make_imposed_batch(recordings)
         start = starting_values_imposed(case.fit_recordings, inertia=plant.inertia)
-        return Beginning(recordings, batch, held_out, start, (*start.notes, _NO_INERTIA))
+        return StartingPoint(recordings, batch, held_out, start, (*start.notes, _NO_INERTIA))
     start = starting_values(
         case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
     )
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
     no_constant = "The motor constant is unknown: every force is per input unit."
     notes = () if plant.motor_constant is not None else (no_constant,)
-    return Beginning(recordings, batch, held_out, start, (*start.notes, *notes))
+    return StartingPoint(recordings, batch, held_out, start, (*start.notes, *notes))
 
 
 def check(case: Case) -> None:
@@ -79,10 +79,10 @@ def check(case: Case) -> None:
             )
     if not case.fit_recordings or not case.holdout_recordings:
         raise InputError(
-            "a diagnosis needs recordings to fit and at least one kept aside",
+            "a diagnosis needs recordings to fit and at least one held-out recording",
             file=case.name,
-            cure='give one recording role = "holdout": it decides whether a name holds; of one recording alone, '
-            "`keep_last_third_aside(case)` keeps the end aside",
+            cure='give one recording role = "holdout": it decides whether a name is accepted; of one recording alone, '
+            "`keep_last_third_aside(case)` holds out the last third",
         )
     if not imposed:
         check_usable(case)
