@@ -23,8 +23,8 @@ from frictionjax.physics import Drive
 _SETTLING = 8  # steps of a descent without the unpredictable blocks
 _LESS_CERTAIN = 3.0  # times its standard error with them, that a parameter may have without them
 _COARSE = (
-    "Parameters change by more than their standard errors when the integration step is refined; treat the stated errors "
-    "as too small."
+    "Parameters change by more than their standard errors when the integration step is refined; treat the stated "
+    "errors as too small."
 )
 _CHAOTIC = "Backlash makes the motion chaotic. Errors are computed from predictable intervals only and are too small."
 

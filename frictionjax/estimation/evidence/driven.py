@@ -30,7 +30,8 @@ class Observed(AbstractRecordings):
     def standardised(
         self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
     ) -> Float[Array, "rows n"]:
-        """Innovations of an observer of `drive` over their standard deviation under the sensor's noise alone."""
+        """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation under
+        the sensor's noise alone; with `finer` times the integration steps a sample."""
         batch, substeps = self.batch, finer * self.batch.substeps
 
         def one(u, x, dt, gains, start):
@@ -40,7 +41,7 @@ class Observed(AbstractRecordings):
         return raw / (batch.noise * innovation_gain(self.gains))[:, None] * batch.valid
 
     def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
-        """The same of `k` drives at once, as rows of one batch."""
+        """The same of `k` `drives`, which start at `z0`, as rows of one batch."""
         batch = self.batch
         deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
         start = (batch.x0, batch.v0, deflection, batch.before)

@@ -21,18 +21,18 @@ class Imposed(AbstractRecordings):
     def standardised(
         self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
     ) -> Float[Array, "rows n"]:
-        """Measured less modelled force of `drive` over its noise; runs along an imposed motion choose their own steps,
-        whatever `finer` says."""
+        """Measured less modelled force of `drive`, which starts at `z0` (over Fs/sigma0), over its noise; runs along an
+        imposed motion choose their own steps, whatever `finer` says."""
         batch = self.batch
         errors = batch.force - batch.run(drive, z0 * drive.friction.Fs / drive.friction.sigma0)[2]
         return errors / (batch.ease * batch.noise)[:, None] * batch.valid
 
     def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
-        """The same of `k` drives at once."""
+        """The same of `k` `drives`, which start at `z0`."""
         return jax.vmap(self.standardised)(drives, z0)
 
     def at_bandwidth(self, bandwidth: float) -> "Imposed":
-        """The same: there is no observer."""
+        """The same, whatever the `bandwidth`: there is no observer."""
         return self
 
     @property
