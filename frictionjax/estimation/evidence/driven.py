@@ -30,8 +30,8 @@ class Observed(AbstractRecordings):
     def standardised(
         self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
     ) -> Float[Array, "rows n"]:
-        """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation under
-        the sensor's noise alone; with `finer` times the integration steps a sample."""
+        """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
+        under the sensor's noise alone; with `finer` times the integration steps a sample."""
         batch, substeps = self.batch, finer * self.batch.substeps
 
         def one(u, x, dt, gains, start):
