@@ -199,8 +199,8 @@ def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
 
 def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
     from frictionjax.diagnosis.output import check_writable
-    from frictionjax.report.paper import paper_lines, write_paper
-    from frictionjax.studies.paper import explain, motor_bench, reproduce
+    from frictionjax.paper.experiments import explain, motor_bench, reproduce
+    from frictionjax.paper.figures import paper_lines, write_paper
 
     check_writable(arguments.out)
     # A mistyped folder is found before the work.

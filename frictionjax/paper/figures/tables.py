@@ -8,9 +8,7 @@ import numpy as np
 
 from frictionjax.core import Estimate
 from frictionjax.frequency import SKResult
-from frictionjax.studies import LevelSweep
-from frictionjax.studies.estimator_comparison import EstimatorComparison
-from frictionjax.studies.paper import (
+from frictionjax.paper.experiments import (
     BAND,
     PARTS,
     PUBLISHED,
@@ -24,6 +22,8 @@ from frictionjax.studies.paper import (
     Presliding,
     Validation,
 )
+from frictionjax.studies import LevelSweep
+from frictionjax.studies.estimator_comparison import EstimatorComparison
 
 LOST = (
     "Table I: the numbers used are those of Canudas de Wit et al. (1995), whose presliding experiment is the same.",
