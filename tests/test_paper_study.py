@@ -9,21 +9,19 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_diagnosis import fake_diagnosis
 from PIL import Image
 
 from frictionjax.cli import main
-from frictionjax.core import Estimate, InputError
+from frictionjax.core import InputError
 from frictionjax.paper.experiments import Explained, Twin, identify, motor_bench, reproduce
 from frictionjax.paper.experiments.validation import folded
 from frictionjax.paper.figures import paper_lines, tables, write_paper
 from frictionjax.paper.figures.bench import fig_bench
 from frictionjax.paper.figures.estimators import fig_estimators
 from frictionjax.paper.figures.sheet import save
-from frictionjax.paper.figures.tables import plain
 from frictionjax.report.canvas import drawing
 from frictionjax.studies.estimator_comparison import EstimatorComparison
 
@@ -135,13 +133,6 @@ def test_tables_are_strict_json_and_say_what_is_lost(paper):
     assert found["fig4"]["creep"]["twin_ours"]["creep"] == 1.0
     assert found["motor_bench"] is None
     assert found["diagnoses"] == {}
-
-
-def test_plain_values():
-    value = {"a": np.float64("nan"), "b": (jnp.ones(2), math.inf), 1: Estimate(1.0, math.inf, "N")}
-    expected = {"a": None, "b": [[1.0, 1.0], None]}
-    expected["1"] = {"value": 1.0, "stderr": None, "unit": "N", "identified": True}
-    assert plain(value) == expected
 
 
 def test_every_figure_is_drawn_with_units_on_its_axes(paper, tmp_path):
