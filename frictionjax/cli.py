@@ -198,9 +198,9 @@ def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
 
 
 def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
-    from frictionjax.report.paper import paper_lines, write_paper
+    from frictionjax.paper.experiments import explain, motor_bench, reproduce
+    from frictionjax.paper.figures import paper_lines, write_paper
     from frictionjax.report.save import check_writable
-    from frictionjax.studies.paper import explain, motor_bench, reproduce
 
     check_writable(arguments.out)
     # A mistyped folder is found before the work.

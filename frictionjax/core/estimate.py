@@ -18,8 +18,3 @@ class Estimate(eqx.Module):
     stderr: float = eqx.field(static=True)
     unit: str = eqx.field(static=True)
     identified: bool = eqx.field(static=True, default=True)
-
-    def to_json(self) -> dict:
-        """The estimate as plain JSON; a standard error that is not finite becomes null."""
-        stderr = self.stderr if abs(self.stderr) < float("inf") else None
-        return {"value": self.value, "stderr": stderr, "unit": self.unit, "identified": self.identified}

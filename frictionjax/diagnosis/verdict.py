@@ -35,12 +35,13 @@ class NextExperiment(eqx.Module):
 class MissingEffect(eqx.Module):
     """One named piece of missing physics.
 
-    **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot tell from it,
-    itself included), `confidence` in [0, 1], `p_value` under the base model, `parameters` (name to `Estimate`),
-    `where` (words), `split_by` (the experiment that would separate the class; empty when it has one member),
-    `sentence` (what the effect is, in plain words), `next_experiment` (a `NextExperiment` that tells it from the
-    nearest of its class, or None), `evidence` (the four numbers that `confidence` comes from: `Evidence` in
-    `confidence.py`).
+    **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot distinguish from it,
+    itself included), `confidence` in [0, 1], `p_value` under the model without it but with the effects named before
+    it (it is from the round in which this one was found), `parameters` (name to `Estimate`), `where` (words; the place
+    of the base model's mismatch, the same for every effect), `split_by` (the experiment that would distinguish the
+    members of the class; empty when it has one), `sentence` (what the effect is, in plain words), `next_experiment` (a
+    `NextExperiment` that distinguishes it from the nearest of its class, or None), `evidence` (the four numbers that
+    `confidence` comes from: `Evidence` in `confidence.py`).
     """
 
     effect: str = eqx.field(static=True)

@@ -10,9 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
+from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate, InputError, require_x64
+from frictionjax.core.json import plain_json
 from frictionjax.estimation import FitResult, RecordingNoise
 from frictionjax.exchange.table import AGAIN, FRICTION, Table, drive_of, fields_of
 from frictionjax.physics import Drive
@@ -48,18 +49,16 @@ def fit_to_json(result: FitResult) -> str:
         "frictionjax": version("frictionjax"),
         "success": bool(result.success),
         "message": result.message,
-        "cost": _plain(result.cost),
-        "at_bounds": list(result.at_bounds),
+        "cost": result.cost,
+        "at_bounds": result.at_bounds,
         "drive": _drive_json(result.drive),
-        "parameters": {label: _estimate_json(found) for label, found in result.parameters.items()},
-        "names": list(result.names),
-        "covariance": _plain(result.covariance),
-        "covariance_white": _plain(result.covariance_white),
-        "noise": {
-            name: {key: _plain(getattr(found, key)) for key in NOISE} for name, found in result.noise.items()
-        },
+        "parameters": result.parameters,
+        "names": result.names,
+        "covariance": result.covariance,
+        "covariance_white": result.covariance_white,
+        "noise": result.noise,
     }
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain_json(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def fit_from_json(text: str, *, file: object = None) -> FitResult:
@@ -168,14 +167,6 @@ def load_fit(path: str | Path) -> FitResult:
     return fit_from_json(text, file=path)
 
 
-def _plain(values) -> Any:
-    """Nested lists of floats; what is not finite becomes None."""
-    values = np.asarray(values, dtype=float)
-    if values.ndim:
-        return [_plain(row) for row in values]
-    return float(values) if np.isfinite(values) else None
-
-
 def _estimate_of(table: Table) -> Estimate:
     table.only(ESTIMATE)
     value, stderr = table.number("value"), table.number("stderr", math.inf)
@@ -196,15 +187,11 @@ def _known(root: Table, key: str, parameters: dict[str, Estimate]) -> tuple[str,
     return labels
 
 
-def _estimate_json(found: Estimate) -> dict[str, Any]:
-    return found.to_json() | {"value": _plain(found.value), "stderr": _plain(found.stderr)}
-
-
 def _drive_json(drive: Drive) -> dict[str, Any]:
-    def number(value) -> float | None:
+    def number(value: Float[Array, "..."]) -> Float[Array, "..."]:
         if value.ndim:
             raise ValueError(f"A drive of shape {value.shape} has no file: save its members one by one.")
-        return _plain(value)
+        return value
 
     return {
         "J": number(drive.J),

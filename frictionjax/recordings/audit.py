@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core.json import plain_json
 from frictionjax.recordings.recording import JITTER_TOLERANCE, Plant, Recording, Sampling
 from frictionjax.recordings.regimes import Regimes, find_regimes
 from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
@@ -61,7 +62,7 @@ class Audit(eqx.Module):
 
     def to_json(self) -> dict[str, Any]:
         """The audit as plain JSON; numbers that are not finite become null."""
-        return _plain(self)
+        return plain_json(self)
 
     def sentences(self) -> tuple[str, ...]:
         """Everything the audit found, as sentences, what needs attention last."""
@@ -198,14 +199,3 @@ def _bridged(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
-
-
-def _plain(value: Any) -> Any:
-    """Modules, tuples and numbers as JSON can hold them."""
-    if isinstance(value, eqx.Module):
-        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

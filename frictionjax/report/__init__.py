@@ -1,4 +1,4 @@
-"""What a person reads: report.html and the lines of a terminal. matplotlib is imported nowhere else."""
+"""What a person reads: report.html and the summary printed in a terminal."""
 
 from frictionjax.report.page import write_report as write_report
 from frictionjax.report.save import check_writable as check_writable

@@ -1,12 +1,12 @@
-"""Numbers and units as a reader wants to see them: few digits, engineering prefixes, standard errors that fit."""
+"""Numbers and units for the report: few digits, engineering prefixes, digits that match the standard error."""
 
 import math
 from collections.abc import Sequence
 
 from frictionjax.core import Estimate
+from frictionjax.core.quantities import power_of_thousand, prefixed
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _TAKES_PREFIX = {"m", "rad", "N", "Nm", "N*m", "N m", "V", "A"}
 DASH = "–"
 
@@ -69,6 +69,12 @@ def p_value(p: float) -> str:
     return f"< {power_of_ten(-300)}" if p < 1e-300 else number(p, 2)
 
 
+def p_equals(p: float) -> str:
+    """A p-value inside a sentence: "p = 0.30", "p < 10⁻³⁰⁰"; "p –" when it is not finite."""
+    shown = p_value(p)
+    return f"p = {shown}" if shown[0].isdigit() else f"p {shown}"
+
+
 def engineering(unit: str, magnitude: float) -> tuple[float, str]:
     """The factor and the unit in which numbers of a given size read well.
 
@@ -85,12 +91,11 @@ def engineering(unit: str, magnitude: float) -> tuple[float, str]:
     size = abs(magnitude)
     if not math.isfinite(size) or size == 0 or unit == "1":
         return 1.0, unit_text(unit)
-    exponent = 3 * math.floor(math.log10(size) / 3 + 1e-9)
     if unit in _TAKES_PREFIX:
-        exponent = min(max(exponent, -12), 3 if unit != "rad" and unit != "m" else 0)
-        return 10.0**-exponent, _PREFIXES[exponent] + unit_text(unit)
+        return prefixed(size, unit_text(unit), 0 if unit in ("m", "rad") else 3)
     if 1e-2 <= size < 1e4:
         return 1.0, unit_text(unit)
+    exponent = power_of_thousand(size)
     return 10.0**-exponent, f"{power_of_ten(exponent)} {unit_text(unit)}".strip()
 
 

@@ -1,7 +1,6 @@
 """Saving a diagnosis: verdict.json, fit/*.csv and report.html, all of it or nothing."""
 
 import json
-import math
 import re
 import shutil
 import tempfile
@@ -13,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from frictionjax.core import Estimate, InputError
+from frictionjax.core import InputError
+from frictionjax.core.json import plain_json
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.report.page import write_report
 
@@ -120,7 +120,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "frictionjax": version("frictionjax"),
     }
-    return _plain(content)
+    return plain_json(content)
 
 
 def check_writable(directory: str | Path) -> None:
@@ -212,21 +212,6 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
             "prediction_rmse": recording.prediction_rmse_extended,
         },
     }
-
-
-def _plain(value: Any) -> Any:
-    """Strict JSON types all the way down: tuples to lists, numpy scalars to numbers, not-finite to None."""
-    if isinstance(value, Estimate):
-        value = value.to_json()
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _write_all(diagnosis: Diagnosis, directory: Path, report: bool) -> None:

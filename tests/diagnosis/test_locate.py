@@ -9,7 +9,6 @@ from frictionjax.diagnosis.mismatch_map.axes import Axis
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance
 from frictionjax.diagnosis.mismatch_map.where_words import lead_of, strongest, where_words
-from frictionjax.diagnosis.quantities import neat, one_two_five, span
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 AXES = (
@@ -251,14 +250,3 @@ def test_what_is_small_or_may_be_chance_is_not_told():
     assert where_words((_bin("regime", "sliding", 1.0, 1.1),)) == "nowhere above the noise"
     assert where_words((_bin("regime", "sliding", 1.0, 3.0, p_value=0.2),)) == "nowhere above the noise"
     assert lead_of((_bin("regime", "sliding", 1.0, 3.0, p_value=0.2),)) == ()
-
-
-def test_quantities_read_well():
-    assert [neat(v, "m") for v in (2e-5, 1.5, 0.0, 3e-10)] == ["20 µm", "1.5 m", "0 m", "300 pm"]
-    assert (neat(0.3, "s"), neat(0.01, "s"), neat(123456.0, "V")) == ("0.3 s", "10 ms", "123456 V")
-    assert span(0.005, 0.02, "s") == "5 to 20 ms"
-    assert span(-0.2, -0.15, "rad") == "-0.2 to -0.15 rad"
-    # A short stroke far from zero.
-    assert span(-0.109876, -0.109848, "m") == "-0.109876 to -0.109848 m"
-    assert neat(-0.109876, "m", 2.8e-5) == "-0.109876 m"
-    assert [one_two_five(v) for v in (1.4e-5, 1.5e-5, 8.0)] == pytest.approx([1e-5, 2e-5, 10.0])

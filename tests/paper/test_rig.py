@@ -9,10 +9,10 @@ import pytest
 from frictionjax.core import InputError
 from frictionjax.excitation import gaussian_noise
 from frictionjax.frequency import estimate_frf
+from frictionjax.paper.experiments import Twin, measure, twins
+from frictionjax.paper.experiments.unexplained import rigid
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate
-from frictionjax.studies.paper import Twin, measure, twins
-from frictionjax.studies.paper.unexplained import rigid
 
 RATE = 10_000.0
 

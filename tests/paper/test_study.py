@@ -9,23 +9,21 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_diagnosis import fake_diagnosis
 from PIL import Image
 
 from frictionjax.cli import main
-from frictionjax.core import Estimate, InputError
+from frictionjax.core import InputError
+from frictionjax.paper.experiments import Explained, Twin, identify, motor_bench, reproduce
+from frictionjax.paper.experiments.validation import folded
+from frictionjax.paper.figures import paper_lines, tables, write_paper
+from frictionjax.paper.figures.bench import fig_bench
+from frictionjax.paper.figures.estimators import fig_estimators
+from frictionjax.paper.figures.sheet import save
 from frictionjax.report.canvas import drawing
-from frictionjax.report.paper import paper_lines, tables, write_paper
-from frictionjax.report.paper.bench import fig_bench
-from frictionjax.report.paper.estimators import fig_estimators
-from frictionjax.report.paper.sheet import save
-from frictionjax.report.paper.tables import plain
 from frictionjax.studies.estimator_comparison import EstimatorComparison
-from frictionjax.studies.paper import Explained, Twin, identify, motor_bench, reproduce
-from frictionjax.studies.paper.validation import folded
 
 FIGURES = ["fig2_presliding", "eq3_linearisation", "fig4a_table3_stiffness", "fig4b_response"]
 FIGURES += ["fig5_breakaway", "fig6_sines"]
@@ -137,13 +135,6 @@ def test_tables_are_strict_json_and_say_what_is_lost(paper):
     assert found["diagnoses"] == {}
 
 
-def test_plain_values():
-    value = {"a": np.float64("nan"), "b": (jnp.ones(2), math.inf), 1: Estimate(1.0, math.inf, "N")}
-    expected = {"a": None, "b": [[1.0, 1.0], None]}
-    expected["1"] = {"value": 1.0, "stderr": None, "unit": "N", "identified": True}
-    assert plain(value) == expected
-
-
 def test_every_figure_is_drawn_with_units_on_its_axes(paper, tmp_path):
     files = write_paper(paper, tmp_path / "new")
     assert [file.stem for file in files] == [*FIGURES, "tables"]
@@ -201,8 +192,8 @@ def test_a_comparison_in_another_thread_is_waited_for(monkeypatch):
         time.sleep(0.2)
         return "compared"
 
-    monkeypatch.setattr("frictionjax.studies.paper.study.compare_estimators", compare)
-    monkeypatch.setattr("frictionjax.studies.paper.study._experiments", lambda *_: _Bare())
+    monkeypatch.setattr("frictionjax.paper.experiments.study.compare_estimators", compare)
+    monkeypatch.setattr("frictionjax.paper.experiments.study._experiments", lambda *_: _Bare())
     found = reproduce(draws=7, seed=5, progress=lambda stage, fraction: heard.append((stage, fraction)))
     assert asked == {"draws": 7, "seed": 5}
     assert found.comparison == "compared"
@@ -214,8 +205,8 @@ def test_what_goes_wrong_in_another_thread_is_told(monkeypatch):
     def compare(**_):
         raise InputError("`draws` is 1")
 
-    monkeypatch.setattr("frictionjax.studies.paper.study.compare_estimators", compare)
-    monkeypatch.setattr("frictionjax.studies.paper.study._experiments", lambda *_: _Bare())
+    monkeypatch.setattr("frictionjax.paper.experiments.study.compare_estimators", compare)
+    monkeypatch.setattr("frictionjax.paper.experiments.study._experiments", lambda *_: _Bare())
     with pytest.raises(InputError, match="`draws` is 1"):
         reproduce(draws=1)
 
@@ -250,8 +241,8 @@ def test_the_program_writes_and_tells(paper, tmp_path, capsys, monkeypatch):
         progress("drawing", 0.5)
         return [directory / "tables.json"]
 
-    monkeypatch.setattr("frictionjax.studies.paper.reproduce", stub)
-    monkeypatch.setattr("frictionjax.report.paper.write_paper", write)
+    monkeypatch.setattr("frictionjax.paper.experiments.reproduce", stub)
+    monkeypatch.setattr("frictionjax.paper.figures.write_paper", write)
     assert main(["paper", "--out", str(tmp_path / "out"), "--seed", "3"]) == 0
     told = capsys.readouterr()
     assert asked == {"quick": False, "seed": 3}
@@ -262,9 +253,9 @@ def test_the_program_writes_and_tells(paper, tmp_path, capsys, monkeypatch):
 def test_the_program_diagnoses_when_asked(paper, tmp_path, capsys, monkeypatch):
     told = fake_diagnosis(n=200)
     explained = (Explained(twin=Twin(name="creep"), answer="creep", diagnosis=told),)
-    monkeypatch.setattr("frictionjax.studies.paper.reproduce", lambda **_: paper)
-    monkeypatch.setattr("frictionjax.studies.paper.explain", lambda *, seed, progress: explained)
-    monkeypatch.setattr("frictionjax.report.paper.write.save", lambda figure, file: None)
+    monkeypatch.setattr("frictionjax.paper.experiments.reproduce", lambda **_: paper)
+    monkeypatch.setattr("frictionjax.paper.experiments.explain", lambda *, seed, progress: explained)
+    monkeypatch.setattr("frictionjax.paper.figures.write.save", lambda figure, file: None)
     assert main(["paper", "--quick", "--diagnose", "--out", str(tmp_path)]) == 0
     assert f"creep              {told.missing[0].effect}" in capsys.readouterr().out
     found = json.loads((tmp_path / "tables.json").read_text(encoding="utf-8"))["diagnoses"]["creep"]
@@ -274,14 +265,14 @@ def test_the_program_diagnoses_when_asked(paper, tmp_path, capsys, monkeypatch):
 
 
 def test_an_output_that_is_a_file_is_found_before_the_work(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("frictionjax.studies.paper.reproduce", lambda **_: pytest.fail("worked in vain"))
+    monkeypatch.setattr("frictionjax.paper.experiments.reproduce", lambda **_: pytest.fail("worked in vain"))
     (tmp_path / "out").write_text("mine", encoding="utf-8")
     assert main(["paper", "--out", str(tmp_path / "out")]) == 2
     assert "is a file" in only_line(capsys.readouterr().err)
 
 
 def test_a_folder_without_the_recordings_is_found_before_the_work(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("frictionjax.studies.paper.reproduce", lambda **_: pytest.fail("worked in vain"))
+    monkeypatch.setattr("frictionjax.paper.experiments.reproduce", lambda **_: pytest.fail("worked in vain"))
     assert main(["paper", "--out", str(tmp_path / "out"), "--real", str(tmp_path)]) == 2
     line = only_line(capsys.readouterr().err)
     assert "there is no MultisineTypeB.mat" in line

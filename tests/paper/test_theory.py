@@ -7,9 +7,9 @@ import pytest
 from helpers_plants import ROTARY, TABLE_I, effect
 
 from frictionjax.core import InputError
+from frictionjax.paper.experiments import linearised, presliding
+from frictionjax.paper.experiments.presliding import slow_position
 from frictionjax.studies.level_sweep import table_one
-from frictionjax.studies.paper import linearised, presliding
-from frictionjax.studies.paper.presliding import slow_position
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from frictionjax.paper.experiments import Twin, case_of, explain, twins
+from frictionjax.paper.experiments.unexplained import ANSWERS, FINER, rigid
 from frictionjax.physics import catalogue
 from frictionjax.recordings import audit
-from frictionjax.studies.paper import Twin, case_of, explain, twins
-from frictionjax.studies.paper.unexplained import ANSWERS, FINER, rigid
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from frictionjax.report.format import (
     engineering,
     estimate_text,
     number,
+    p_equals,
     p_value,
     percent,
     quantities,
@@ -97,3 +98,4 @@ def test_shares_and_p_values():
         "–",
     ]
     assert [p_value(p) for p in (0.3, 1e-12, 0.0, math.nan)] == ["0.30", "10⁻¹²", "< 10⁻³⁰⁰", "–"]
+    assert [p_equals(p) for p in (0.3, 0.0, math.nan)] == ["p = 0.30", "p < 10⁻³⁰⁰", "p –"]

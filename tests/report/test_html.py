@@ -182,6 +182,23 @@ def test_unexplained_physics_is_said():
     assert "something is missing that no listed effect explains" in nothing.visible
 
 
+def test_the_place_of_the_mismatch_is_said_once_above_the_cards():
+    diagnosis = fake_diagnosis(n=10)
+    (first,) = diagnosis.missing
+    second = replace(first, effect="creep", effect_class=("creep",), p_value=3e-5)
+    one = Page(Missing().body(diagnosis)).visible
+    assert one.startswith(
+        "Where the base model fails: presliding, first 20 um after a reversal. Maxwell slip"
+    )
+    assert "98 % (p = 10⁻¹² for the model without it)" in one
+    assert "experiment that would distinguish them nested triangles" in one
+    assert "one at a time" not in one
+    both = Page(Missing().body(replace(diagnosis, missing=(first, second)))).visible
+    assert both.count("first 20 um after a reversal") == 1
+    assert "with the effects that were found before it" in both
+    assert "p = 3×10⁻⁵ for the model without it" in both
+
+
 def test_candidates_are_sorted_and_say_why():
     page = Page(Candidates().body(fake_diagnosis(n=10)))
     order = [page.visible.index(name) for name in ("maxwell slip named", "creep", "backlash not tested")]

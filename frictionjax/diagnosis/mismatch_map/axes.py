@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import lfilter
 
+from frictionjax.core.quantities import neat, one_two_five, span
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.history import last_rest, since_reversal
-from frictionjax.diagnosis.quantities import neat, one_two_five, span
 from frictionjax.physics import Drive
 from frictionjax.recordings import Plant
 from frictionjax.simulation import observer_gains

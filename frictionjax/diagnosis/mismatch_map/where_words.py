@@ -2,7 +2,7 @@
 
 import math
 
-from frictionjax.diagnosis.quantities import times
+from frictionjax.core.quantities import times
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 SIGNIFICANT = 0.05

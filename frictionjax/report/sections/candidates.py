@@ -10,9 +10,9 @@ from frictionjax.report.html import table, text
 from frictionjax.report.sections.base import AbstractSection
 
 _INTRO = (
-    "<b>p</b>: how likely the base model alone would look like this. <b>One step</b>: size of the effect before any "
-    "refit. <b>Gain</b>: share of the mismatch that a refit with the effect explains. <b>Detectable</b>: the "
-    "smallest size that these recordings would have shown."
+    "<b>p</b>: p-value of the model without the effect; for a named effect, with the effects named before it. "
+    "<b>One step</b>: size of the effect before any refit. <b>Gain</b>: share of the mismatch that a refit with the "
+    "effect explains. <b>Detectable</b>: the smallest size that these recordings would have shown."
 )
 
 

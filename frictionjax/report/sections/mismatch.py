@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from frictionjax.diagnosis.mismatch_map.where_words import SIGNIFICANT
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
-from frictionjax.report.format import number, p_value, percent, words
+from frictionjax.report.format import number, p_equals, percent, words
 from frictionjax.report.html import gauge, legend, pair, text
 from frictionjax.report.sections.base import AbstractSection
 
@@ -55,7 +55,7 @@ def _part(part: Within) -> str:
         f"<li>{many} <b>{text(part.phrase)}</b>: of what happens in {text(part.given)}, this part holds "
         f"{percent(part.share)} of the excess in {percent(part.samples)} of the time; excess "
         f"{number(part.excess, 2)} against {number(part.excess_elsewhere, 2)} elsewhere "
-        f"(p = {p_value(part.p_value)}).</li>"
+        f"({p_equals(part.p_value)}).</li>"
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from frictionjax.report.paper.sheet import COLOURS, sheet
+from frictionjax.paper.figures.sheet import COLOURS, sheet
 from frictionjax.studies.estimator_comparison import EstimatorComparison
 
 _NAMES = {

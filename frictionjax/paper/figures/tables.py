@@ -1,16 +1,13 @@
 """tables.json: every number of the study beside the value that it should have, finite or null."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from frictionjax.core import Estimate
+from frictionjax.core.json import plain_json
 from frictionjax.frequency import SKResult
-from frictionjax.studies import LevelSweep
-from frictionjax.studies.estimator_comparison import EstimatorComparison
-from frictionjax.studies.paper import (
+from frictionjax.paper.experiments import (
     BAND,
     PARTS,
     PUBLISHED,
@@ -24,6 +21,8 @@ from frictionjax.studies.paper import (
     Presliding,
     Validation,
 )
+from frictionjax.studies import LevelSweep
+from frictionjax.studies.estimator_comparison import EstimatorComparison
 
 LOST = (
     "Table I: the numbers used are those of Canudas de Wit et al. (1995), whose presliding experiment is the same.",
@@ -62,22 +61,7 @@ def tables(
         "motor_bench": None if bench is None else _bench(bench),
         "seconds": paper.seconds,
     }
-    return plain(content)
-
-
-def plain(value: Any) -> Any:
-    """`value` in strict JSON types all the way down: arrays to lists, what is not finite to None."""
-    if isinstance(value, Estimate):
-        value = value.to_json()
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):  # of numpy or JAX
-        return plain(np.asarray(value).tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return plain_json(content)
 
 
 def _presliding(found: Presliding) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from frictionjax.report.paper.sheet import BETTER, COLOURS, PAPER, TWIN, legend, sheet
-from frictionjax.studies.paper import PUBLISHED, MotorBench
+from frictionjax.paper.experiments import PUBLISHED, MotorBench
+from frictionjax.paper.figures.sheet import BETTER, COLOURS, PAPER, TWIN, legend, sheet
 
 
 def fig_bench(found: MotorBench) -> Figure:

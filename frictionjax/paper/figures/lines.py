@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from frictionjax.paper.experiments import PAPER_LEVEL, Explained, MotorBench, Paper
+from frictionjax.paper.figures.bench import hertz
 from frictionjax.report.format import estimate_text
-from frictionjax.report.paper.bench import hertz
-from frictionjax.studies.paper import PAPER_LEVEL, Explained, MotorBench, Paper
 
 
 def paper_lines(

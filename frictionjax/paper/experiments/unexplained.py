@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from frictionjax.core import Progress, silent
 from frictionjax.diagnosis import Diagnosis, diagnose
+from frictionjax.paper.experiments.rig import Twin, measure, twins
 from frictionjax.recordings import Case, Plant, Recording
-from frictionjax.studies.paper.rig import Twin, measure, twins
 
 RATE = 2000.0  # Hz: what a diagnosis needs, and a fifth of the rig's
 FINER = 8.0  # ours: how many times finer than the rig's the encoder of a diagnosis is

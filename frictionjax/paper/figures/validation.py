@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from frictionjax.report.paper.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
-from frictionjax.studies.paper import PARTS, RAMP, SINES, Validation
+from frictionjax.paper.experiments import PARTS, RAMP, SINES, Validation
+from frictionjax.paper.figures.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
 
 _COLOURS = (TWIN, PAPER, BETTER)
 _LABELS = ("twin, measured", "LuGre, stiffness at 0.01 V", "LuGre, stiffness at zero amplitude")

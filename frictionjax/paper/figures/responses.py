@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from frictionjax.paper.experiments import BAND, PAPER_LEVEL, REFERENCE_A5, SAMPLE_RATE, Identified
+from frictionjax.paper.figures.sheet import BETTER, COLOURS, PAPER, TWIN, legend, sheet
 from frictionjax.report.format import estimate_text
-from frictionjax.report.paper.sheet import BETTER, COLOURS, PAPER, TWIN, legend, sheet
 from frictionjax.studies import LevelSweep
-from frictionjax.studies.paper import BAND, PAPER_LEVEL, REFERENCE_A5, SAMPLE_RATE, Identified
 
 _SHOWN = (1.0, 500.0)  # Hz
 _NAMES = {"prbs": "PRBS", "gaussian": "Gaussian"}

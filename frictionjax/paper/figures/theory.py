@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from frictionjax.report.paper.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
-from frictionjax.studies.paper import Linearised, Presliding
+from frictionjax.paper.experiments import Linearised, Presliding
+from frictionjax.paper.figures.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
 
 
 def fig2(found: Presliding) -> Figure:

@@ -17,7 +17,7 @@ from frictionjax.frequency import (
     extrapolate_to_zero_amplitude,
     fit_sk,
 )
-from frictionjax.studies.paper.rig import SAMPLE_RATE, Twin, measure, twins
+from frictionjax.paper.experiments.rig import SAMPLE_RATE, Twin, measure, twins
 
 SEGMENT, BANDWIDTH = 8192, 500.0  # the paper's
 BAND = (2.0, 150.0)  # Hz; 150 is the paper's

@@ -9,12 +9,12 @@ from typing import Any
 import equinox as eqx
 
 from frictionjax.core import Progress, require_x64, silent
+from frictionjax.paper.experiments.identification import LEVELS, Identified, identify
+from frictionjax.paper.experiments.linearisation import Linearised, linearised
+from frictionjax.paper.experiments.presliding import Presliding, presliding
+from frictionjax.paper.experiments.validation import Validation, validate
 from frictionjax.studies.estimator_comparison import EstimatorComparison, compare_estimators
 from frictionjax.studies.level_sweep import LevelSweep, level_sweep
-from frictionjax.studies.paper.identification import LEVELS, Identified, identify
-from frictionjax.studies.paper.linearisation import Linearised, linearised
-from frictionjax.studies.paper.presliding import Presliding, presliding
-from frictionjax.studies.paper.validation import Validation, validate
 
 REFERENCE_A5 = (
     (0.02, 9.93e4, 9.93e4),

@@ -1,11 +1,29 @@
-"""Quantities as a sentence wants them: three digits at most, small lengths and times with a prefix."""
+"""Numbers with units for sentences: SI prefixes, and as many digits as the reader needs."""
 
 import math
 
-# Below this size a quantity takes a prefix.
+_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
+# Below this size a quantity in a sentence takes a prefix.
 _PREFIXED = {"m": 0.01, "rad": 0.01, "s": 0.0999}
-_BLURRED = 0.2  # of the way to the next quantity: a rounding by more asks for more digits
-_PREFIXES = {-3: "m", -6: "µ", -9: "n", -12: "p"}
+_BLURRED = 0.2  # of the distance to the next quantity: a larger rounding error calls for more digits
+
+
+def power_of_thousand(size: float) -> int:
+    """The exponent of ten, a multiple of three, that leaves the positive `size` between 1 and 1000."""
+    return 3 * math.floor(math.log10(size) / 3.0 + 1e-9)
+
+
+def prefixed(size: float, unit: str, largest: int = 0) -> tuple[float, str]:
+    """The factor and the unit with an SI prefix in which numbers of the positive `size` read well.
+
+    **Arguments:**
+
+    - `size`: in `unit`.
+    - `unit`: one that takes SI prefixes, as text.
+    - `largest`: exponent of ten of the largest prefix, 0 or 3; the smallest is pico.
+    """
+    exponent = min(max(power_of_thousand(size), min(_PREFIXES)), largest)
+    return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 
 def neat(value: float, unit: str, step: float = math.inf) -> str:
@@ -15,7 +33,7 @@ def neat(value: float, unit: str, step: float = math.inf) -> str:
 
     - `value`: in `unit`.
     - `unit`: as text; small values of m, rad and s take a prefix.
-    - `step`: distance to the next quantity that is told, in `unit`: as many digits as tell one from the other.
+    - `step`: distance to the next quantity in the text, in `unit`: the digits are enough to distinguish the two.
     """
     factor, label = _scaled(abs(value), unit)
     return f"{_digits(value * factor, step * factor)} {label}".strip()
@@ -52,8 +70,7 @@ def times(factor: float) -> str:
 def _scaled(size: float, unit: str) -> tuple[float, str]:
     if not 0.0 < size < _PREFIXED.get(unit, 0.0):
         return 1.0, unit
-    exponent = max(3 * math.floor(math.log10(size) / 3.0 + 1e-9), min(_PREFIXES))
-    return 10.0**-exponent, _PREFIXES[exponent] + unit
+    return prefixed(size, unit)
 
 
 def _digits(value: float, step: float = math.inf) -> str:

@@ -10,10 +10,10 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Progress, silent
 from frictionjax.frequency import SKResult
+from frictionjax.paper.experiments.identification import Identified
+from frictionjax.paper.experiments.rig import SAMPLE_RATE, Twin, measure
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation import simulate
-from frictionjax.studies.paper.identification import Identified
-from frictionjax.studies.paper.rig import SAMPLE_RATE, Twin, measure
 
 RAMP = 0.02  # V/s, ours: the paper's slope is lost
 RAMP_SECONDS = 2.3

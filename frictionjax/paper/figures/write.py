@@ -7,15 +7,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from frictionjax.core import InputError, Progress, silent
+from frictionjax.paper.experiments import Explained, MotorBench, Paper
+from frictionjax.paper.figures.bench import fig_bench
+from frictionjax.paper.figures.estimators import fig_estimators
+from frictionjax.paper.figures.responses import fig4a, fig4b
+from frictionjax.paper.figures.sheet import save
+from frictionjax.paper.figures.tables import tables
+from frictionjax.paper.figures.theory import fig2, linearisation
+from frictionjax.paper.figures.validation import fig5, fig6
 from frictionjax.report.canvas import drawing
-from frictionjax.report.paper.bench import fig_bench
-from frictionjax.report.paper.estimators import fig_estimators
-from frictionjax.report.paper.experiments import fig5, fig6
-from frictionjax.report.paper.responses import fig4a, fig4b
-from frictionjax.report.paper.sheet import save
-from frictionjax.report.paper.tables import tables
-from frictionjax.report.paper.theory import fig2, linearisation
-from frictionjax.studies.paper import Explained, MotorBench, Paper
 
 
 def write_paper(

@@ -1,0 +1,30 @@
+"""Hensen, van de Molengraft, Steinbuch (2002), experiment by experiment, on synthetic machines of ours."""
+
+from frictionjax.paper.experiments.identification import BAND as BAND
+from frictionjax.paper.experiments.identification import LEVELS as LEVELS
+from frictionjax.paper.experiments.identification import PAPER_LEVEL as PAPER_LEVEL
+from frictionjax.paper.experiments.identification import Identified as Identified
+from frictionjax.paper.experiments.identification import identify as identify
+from frictionjax.paper.experiments.linearisation import Linearised as Linearised
+from frictionjax.paper.experiments.linearisation import linearised as linearised
+from frictionjax.paper.experiments.presliding import Presliding as Presliding
+from frictionjax.paper.experiments.presliding import presliding as presliding
+from frictionjax.paper.experiments.real import PUBLISHED as PUBLISHED
+from frictionjax.paper.experiments.real import MotorBench as MotorBench
+from frictionjax.paper.experiments.real import motor_bench as motor_bench
+from frictionjax.paper.experiments.rig import SAMPLE_RATE as SAMPLE_RATE
+from frictionjax.paper.experiments.rig import Measured as Measured
+from frictionjax.paper.experiments.rig import Twin as Twin
+from frictionjax.paper.experiments.rig import measure as measure
+from frictionjax.paper.experiments.rig import twins as twins
+from frictionjax.paper.experiments.study import REFERENCE_A5 as REFERENCE_A5
+from frictionjax.paper.experiments.study import Paper as Paper
+from frictionjax.paper.experiments.study import reproduce as reproduce
+from frictionjax.paper.experiments.unexplained import Explained as Explained
+from frictionjax.paper.experiments.unexplained import case_of as case_of
+from frictionjax.paper.experiments.unexplained import explain as explain
+from frictionjax.paper.experiments.validation import PARTS as PARTS
+from frictionjax.paper.experiments.validation import RAMP as RAMP
+from frictionjax.paper.experiments.validation import SINES as SINES
+from frictionjax.paper.experiments.validation import Validation as Validation
+from frictionjax.paper.experiments.validation import validate as validate
