@@ -12,7 +12,7 @@ class InputError(ValueError):
     - `cure`: what the user should do, as a sentence.
     """
 
-    def __init__(self, problem: str, *, file: object = None, place: str = "", cure: str = ""):
+    def __init__(self, problem: str, *, file: object = None, place: str = "", cure: str = "") -> None:
         self.problem, self.file, self.place, self.cure = problem, file, place, cure
         where = ", ".join(str(part) for part in (file, place) if part)
         parts = [f"{where}: {problem}" if where else problem]
