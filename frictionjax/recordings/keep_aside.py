@@ -2,6 +2,7 @@
 
 import dataclasses
 import warnings
+from typing import Any
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.recording import Case, Recording
@@ -60,7 +61,7 @@ def keep_last_third_aside(case: Case) -> Case:
     return dataclasses.replace(case, recordings=(first, last))
 
 
-def _part(recording: Recording, part: slice, **changes) -> Recording:
+def _part(recording: Recording, part: slice, **changes: Any) -> Recording:
     channels = {name: getattr(recording, name) for name in _CHANNELS}
     cut = {name: values[part].copy() for name, values in channels.items() if values is not None}
     return dataclasses.replace(recording, **cut, **changes)

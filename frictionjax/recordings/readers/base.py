@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
@@ -51,6 +51,7 @@ class AbstractTable(eqx.Module):
         """Where the value `index` (from 0) of a column stands, in words: "line 17" or "sample 17"."""
 
 
+@runtime_checkable
 class Reader(Protocol):
     """Opens one format: `reader(path)` returns a table or raises `InputError`."""
 
