@@ -194,7 +194,9 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, "m n"]:
 
 
 @eqx.filter_jit
-def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array, "m p n"]]:
+def _periods(
+    u: Float[Array, "m samples"], x: Float[Array, "m samples"], period: int
+) -> tuple[Complex[Array, "m p n"], Complex[Array, "m p n"]]:
     """Fourier coefficients of each period."""
     parts = jnp.stack([u, x]).reshape(2, u.shape[0], -1, period)
     U, X = jnp.fft.rfft(parts, axis=3) / period
@@ -202,7 +204,14 @@ def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array,
 
 
 @eqx.filter_jit
-def _bla(U, X, sample_rate, period: int, places: list[Int[Array, " k"]], correct_input: bool) -> BLA:
+def _bla(
+    U: Complex[Array, "m p n"],
+    X: Complex[Array, "m p n"],
+    sample_rate: Float[Array, ""],
+    period: int,
+    places: list[Int[Array, " _"]],
+    correct_input: bool,
+) -> BLA:
     excited, odd, even = places
     m, periods = U.shape[:2]
     u, x = U[:, :, excited], X[:, :, excited]
@@ -244,7 +253,9 @@ def _variance(part: Complex[Array, "m p n"]) -> Float[Array, "m n"]:
     return jnp.sum(jnp.abs(off) ** 2, axis=1) / (periods * (periods - 1))
 
 
-def _between(response: Complex[Array, "m f"], excited, lines) -> Complex[Array, "m d"]:
+def _between(
+    response: Complex[Array, "m f"], excited: Int[Array, " f"], lines: Int[Array, " d"]
+) -> Complex[Array, "m d"]:
     """The response on silent `lines`, on straight lines between the excited ones."""
     right = jnp.clip(jnp.searchsorted(excited, lines), 1, excited.size - 1)
     left = right - 1

@@ -13,6 +13,9 @@ bristles' damping, the second from their leak, and which of them rules depends o
 band reaches down to the rate, the leak too goes with the first power. The damping gains `sigma0 rate / w^2`.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import ArrayLike, Float
@@ -54,13 +57,17 @@ class ZeroAmplitude(eqx.Module):
     message: str = eqx.field(static=True)
     warnings: tuple[str, ...] = eqx.field(static=True)
 
-    def curve(self, levels: ArrayLike) -> Float[np.ndarray, " n"]:
+    def curve(self, levels: ArrayLike | Sequence[float]) -> Float[np.ndarray, " n"] | np.floating:
         """The fitted stiffness at `levels`, shape `(n,)`; above `highest` it is not to be trusted."""
         return np.polynomial.polynomial.polyval(np.asarray(levels, float), self.coefficients)
 
 
 def extrapolate_to_zero_amplitude(
-    levels: ArrayLike, stiffness: ArrayLike, stderr: ArrayLike, *, unit: str = "force/position"
+    levels: ArrayLike | Sequence[float],
+    stiffness: ArrayLike | Sequence[float],
+    stderr: ArrayLike | Sequence[float],
+    *,
+    unit: str = "force/position",
 ) -> ZeroAmplitude:
     """Stiffness at zero amplitude from what was measured at three levels or more.
 
@@ -115,7 +122,11 @@ def extrapolate_to_zero_amplitude(
     )
 
 
-def _checked(levels, stiffness, stderr):
+def _checked(
+    levels: ArrayLike | Sequence[float],
+    stiffness: ArrayLike | Sequence[float],
+    stderr: ArrayLike | Sequence[float],
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     L, y, s = (np.asarray(part, float) for part in (levels, stiffness, stderr))
     if L.ndim != 1 or not L.shape == y.shape == s.shape:
         raise InputError(
@@ -139,7 +150,9 @@ def _checked(levels, stiffness, stderr):
     return L[order], y[order], s[order]
 
 
-def _fits(L, y, s) -> list[dict]:
+def _fits(
+    L: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], s: Float[np.ndarray, " k"]
+) -> list[dict[str, Any]]:
     """Every form on the lowest `n` levels, for every `n` that leaves it determined and takes a level whole."""
     found = []
     for form, powers in FORMS.items():
@@ -170,7 +183,7 @@ def _fits(L, y, s) -> list[dict]:
     return found
 
 
-def _message(used, L, by_form) -> str:
+def _message(used: Float[np.ndarray, " used"], L: Float[np.ndarray, " k"], by_form: dict[str, Any]) -> str:
     forms = [f"{100.0 * share:.0f} % {name}" for name, share in by_form.items() if share >= 0.05]
     return (
         f"Extrapolated from {used.size} of {L.size} measurements, at levels from {used[0]:.4g} to {used[-1]:.4g}, "
@@ -178,7 +191,9 @@ def _message(used, L, by_form) -> str:
     )
 
 
-def _warnings(value, error, y, s, wider) -> tuple[str, ...]:
+def _warnings(
+    value: float, error: float, y: Float[np.ndarray, " k"], s: Float[np.ndarray, " k"], wider: float
+) -> tuple[str, ...]:
     found = []
     if wider > 3.0:
         found.append(

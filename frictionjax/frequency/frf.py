@@ -28,16 +28,16 @@ class FRF(eqx.Module):
         1 for bins that are independent.
     """
 
-    frequency: Float[Array, " nf"]
-    response: Complex[Array, " nf"]
-    coherence: Float[Array, " nf"]
-    std: Float[Array, " nf"]
-    averages_effective: Float[Array, ""]
-    sample_rate: Float[Array, ""]
-    bin_correlation: Float[Array, ""]
+    frequency: Float[Array, "*batch nf"]
+    response: Complex[Array, "*batch nf"]
+    coherence: Float[Array, "*batch nf"]
+    std: Float[Array, "*batch nf"]
+    averages_effective: Float[Array, "*batch"]
+    sample_rate: Float[Array, "*batch"]
+    bin_correlation: Float[Array, "*batch"]
 
     @property
-    def phase_std(self) -> Float[Array, " nf"]:
+    def phase_std(self) -> Float[Array, "*batch nf"]:
         """Standard deviation of the phase of `response`, rad, shape `(nf,)`.
 
         `std / |response|`, for a small one; infinite where there is no response.
@@ -52,9 +52,9 @@ def estimate_frf(
     sample_rate: ArrayLike,
     *,
     segment: int = 8192,
-    window: WindowName | np.ndarray = "hann",
+    window: WindowName | str | np.ndarray = "hann",
     overlap: float = 0.5,
-    detrend: Literal["constant", "linear", "none"] = "constant",
+    detrend: Literal["constant", "linear", "none"] | str = "constant",
 ) -> FRF:
     """Frequency response from input `u` to output `x` by averaging windowed segments (Welch, H1).
 
@@ -134,7 +134,16 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, " n"]:
 
 
 @eqx.filter_jit
-def _welch(u, x, sample_rate, w, step: int, detrend: str, averages, bin_correlation) -> FRF:
+def _welch(
+    u: Float[Array, " n"],
+    x: Float[Array, " n"],
+    sample_rate: Float[Array, ""],
+    w: Float[Array, " segment"],
+    step: int,
+    detrend: str,
+    averages: Float[Array, ""],
+    bin_correlation: Float[Array, ""],
+) -> FRF:
     segments = 1 + (u.size - w.size) // step
     index = step * np.arange(segments)[:, None] + np.arange(w.size)[None, :]
     U, X = (jnp.fft.rfft(_level(signal[index], detrend) * w[None, :], axis=1) for signal in (u, x))

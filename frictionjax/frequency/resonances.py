@@ -86,7 +86,9 @@ def _extremum(size: Float[np.ndarray, " n"]) -> int | None:
     return best
 
 
-def _natural(f, G: Complex[np.ndarray, " n"], place: int | None) -> tuple[float | None, float | None]:
+def _natural(
+    f: Float[np.ndarray, " n"], G: Complex[np.ndarray, " n"], place: int | None
+) -> tuple[float | None, float | None]:
     """Natural frequency, Hz, and damping ratio of the poles of `G` next to the line at `place`."""
     if place is None:
         return None, None

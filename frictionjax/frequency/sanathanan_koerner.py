@@ -137,7 +137,7 @@ def fit_sk(
     values = scale * np.asarray(state.a)
     covariance = wider * scale[:, None] * scale[None, :] * _inverse(np.asarray(normal), count)
     names = {"force": "force", "position": "position", **(units or {})}
-    estimates = _estimates(values, covariance, fit_delay, names["force"], names["position"])
+    estimates = _estimates(values, covariance, names["force"], names["position"])
     steps, converged = int(state.steps), bool(state.converged)
     return SKResult(
         **estimates,
@@ -178,7 +178,12 @@ def _smoothed(variance: Float[np.ndarray, " n"], frf: FRF) -> tuple[Float[np.nda
     return np.maximum(total[last] - total[first], 0.0) / (last - first), max(freedom, 6.0)
 
 
-def _padded(omega, response, weight, sample_omega) -> Lines:
+def _padded(
+    omega: Float[np.ndarray, " n"],
+    response: Complex[np.ndarray, " n"],
+    weight: Float[np.ndarray, " n"],
+    sample_omega: float,
+) -> Lines:
     """The bins as `Lines`, padded without weight to 256, 1024, 4096, ...: few bands are another compilation."""
     size = 256
     while size < omega.size:
@@ -205,7 +210,9 @@ def _inverse(normal: Float[np.ndarray, "4 4"], count: int) -> Float[np.ndarray, 
     return covariance
 
 
-def _estimates(values, covariance, fit_delay: bool, force: str, position: str) -> dict[str, Estimate]:
+def _estimates(
+    values: Float[np.ndarray, " 4"], covariance: Float[np.ndarray, "4 4"], force: str, position: str
+) -> dict[str, Estimate]:
     stiffness, damping, J, delay = (float(value) for value in values)
 
     def estimate(value, gradient, unit, *, positive=True):
@@ -245,7 +252,13 @@ def _message(converged: bool, steps: int, max_steps: int) -> str:
     )
 
 
-def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[str, ...]:
+def _warnings(
+    estimates: dict[str, Estimate],
+    excess: float,
+    frequency: Float[np.ndarray, " n"],
+    frf: FRF,
+    converged: bool,
+) -> tuple[str, ...]:
     found = []
     if all(estimates[name].value < 0.0 for name in ("J", "stiffness", "damping")):
         found.append(

@@ -93,12 +93,14 @@ def sampled_response(a: Float[Array, " 4"], lines: Lines, hold: bool) -> Complex
     return zoh * delay * jnp.sum(turned / denominator(a, images), axis=0)
 
 
-def _cost(a, lines, hold):
+def _cost(a: Float[Array, " 4"], lines: Lines, hold: bool) -> Float[Array, ""]:
     total = jnp.sum(lines.weight**2 * jnp.abs(lines.response - sampled_response(a, lines, hold)) ** 2)
     return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
 
-def _least_squares(columns: Complex[Array, "n p"], target: Complex[Array, " n"]):
+def _least_squares(
+    columns: Complex[Array, "n p"], target: Complex[Array, " n"]
+) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     """Real solution of `columns @ p = target`, and the normal matrix."""
     normal = jnp.real(jnp.conj(columns).T @ columns)
     size = jnp.sqrt(jnp.diag(normal))
@@ -112,7 +114,12 @@ def _widen(part: Float[Array, " p"]) -> Float[Array, " 4"]:
     return jnp.concatenate([part, jnp.zeros(4 - part.size)])
 
 
-def _levy(response, weight, omega, D=None) -> Float[Array, " p"]:
+def _levy(
+    response: Complex[Array, " n"],
+    weight: Float[Array, " n"],
+    omega: Float[Array, " n"],
+    D: Complex[Array, " n"] | None = None,
+) -> Float[Array, " p"]:
     """Solution of `weight (response (a0 + a1 s + a2 s^2) - 1) = 0`, with the change of delay last where `D` is given.
 
     A response that lags by a further `T` fits when it is multiplied by `exp(s T)`: to first order, one more term
@@ -138,7 +145,9 @@ def start(lines: Lines, delay: Float[Array, ""], hold: bool) -> Float[Array, " 4
     return jnp.append(_levy(response, lines.weight * jnp.abs(lines.response), lines.omega), delay)
 
 
-def _sanathanan_koerner(a, lines, hold, fit_delay):
+def _sanathanan_koerner(
+    a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
+) -> tuple[Float[Array, " 4"], Float[Array, ""]]:
     """The linear solution weighted by the denominator `D` at `a`; also its length, which is not known here."""
     D = denominator(a, lines.omega)
     # What sampling, holding and the delay make of 1 / D: taken off the data, at the present coefficients.
@@ -159,14 +168,22 @@ def sensitivity(a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
     return _complex(lines.weight)[:, None] * columns[:, : 4 if fit_delay else 3]
 
 
-def _gauss_newton(a, lines, hold, fit_delay):
+def _gauss_newton(
+    a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
+) -> tuple[Float[Array, " 4"], Float[Array, ""]]:
     """The step to the least sum of squares of the linearised residuals, and its length in standard errors, squared."""
     residual = _complex(lines.weight) * (lines.response - sampled_response(a, lines, hold))
     step, normal = _least_squares(sensitivity(a, lines, hold, fit_delay), residual)
     return a + _widen(step), step @ normal @ step
 
 
-def _descend(propose: Callable, state: Iteration, cost: Callable, enough: float, freedom) -> Iteration:
+def _descend(
+    propose: Callable[[Float[Array, " 4"]], tuple[Float[Array, " 4"], Float[Array, ""]]],
+    state: Iteration,
+    cost: Callable[[Float[Array, " 4"]], Float[Array, ""]],
+    enough: float,
+    freedom: Float[Array, ""],
+) -> Iteration:
     """Take convex combinations of the coefficients and those proposed for as long as the cost falls.
 
     A step is the best of the whole proposal, its half, its quarter and so on. It ends where none is better, where

@@ -12,7 +12,7 @@ WindowName = Literal["hann", "hamming", "blackman", "boxcar"]
 _COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "boxcar": (1.0,)}
 
 
-def window_values(window: WindowName | np.ndarray, segment: int) -> Float[np.ndarray, " segment"]:
+def window_values(window: WindowName | str | np.ndarray, segment: int) -> Float[np.ndarray, " segment"]:
     """A periodic window `w_k = sum_i (-1)^i a_i cos(2 pi i k / segment)`.
 
     **Arguments:**
