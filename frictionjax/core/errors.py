@@ -1,4 +1,4 @@
-"""Errors are sentences: what is wrong, where (file, line, column), and what mends it."""
+"""Errors are sentences: what is wrong, where (file, line, column), and how to correct it."""
 
 
 class InputError(ValueError):

@@ -1,4 +1,4 @@
-"""How a long verb tells what it is doing, without knowing who listens."""
+"""How a long verb reports its progress, whoever listens."""
 
 from typing import Protocol, runtime_checkable
 
@@ -11,4 +11,4 @@ class Progress(Protocol):
 
 
 def silent(stage: str, fraction: float) -> None:
-    """The `Progress` of a caller who does not want to be told: `stage` and `fraction` are passed over."""
+    """The `Progress` that reports nothing: `stage` and `fraction` are ignored."""
