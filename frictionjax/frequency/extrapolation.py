@@ -1,15 +1,15 @@
-"""The bristle stiffness itself: what the measured stiffness tends to as the excitation vanishes.
+"""The bristle stiffness sigma0: the limit of the measured stiffness at zero amplitude.
 
-Why the measured stiffness falls with the level, and in which powers. Near rest the bristles obey
+The measured stiffness falls with the level, in these powers. Near rest the bristles obey
 `z' = v - |v| z / z_s` with `z_s = Fs / sigma0`. In Gaussian motion `z` and `v` of one instant are independent, so the
-linear part of `|v| z` is `E|v| z` (Bussgang): to a linear eye the bristles leak at the rate `rate = E|v| / z_s`, and
+linear part of `|v| z` is `E|v| z` (Bussgang): linearised, the bristles leak at the rate `rate = E|v| / z_s`, and
 the friction `sigma0 z + sigma1 z'` is `(sigma0 + sigma1 jw) jw / (jw + rate)` times the position. Its real part, the
 stiffness, is
 
     (sigma0 - sigma1 rate) w^2 / (w^2 + rate^2) = sigma0 (1 - (sigma1 / sigma0) rate - rate^2 / w^2 + ...).
 
 The rate is proportional to the level as long as little is lost. So the first power of the level comes from the
-bristles' damping, the second from their leak, and which of them rules depends on the machine and the band. Where a
+bristles' damping, the second from their leak, and which of them dominates depends on the machine and the band. Where a
 band reaches down to the rate, the leak too goes with the first power. The damping gains `sigma0 rate / w^2`.
 """
 
@@ -36,7 +36,7 @@ class ZeroAmplitude(eqx.Module):
 
     **Attributes:**
 
-    - `stiffness`: its value; the standard error holds both noise and what the choice of a curve leaves open.
+    - `stiffness`: its value; the standard error includes noise and the choice of a curve.
     - `levels`: the levels, ascending, in any unit, shape `(k,)`.
     - `measured`: the stiffness measured there, shape `(k,)`.
     - `stderr`: its standard error, shape `(k,)`.
@@ -58,7 +58,7 @@ class ZeroAmplitude(eqx.Module):
     warnings: tuple[str, ...] = eqx.field(static=True)
 
     def curve(self, levels: ArrayLike | Sequence[float]) -> Float[np.ndarray, " n"] | np.floating:
-        """The fitted stiffness at `levels`, shape `(n,)`; above `highest` it is not to be trusted."""
+        """The fitted stiffness at `levels`, shape `(n,)`; above `highest` it is an extrapolation."""
         return np.polynomial.polynomial.polyval(np.asarray(levels, float), self.coefficients)
 
 
@@ -94,7 +94,7 @@ def extrapolate_to_zero_amplitude(
     L, y, s = _checked(levels, stiffness, stderr)
     scale_L, scale_y = L[-1], float(np.max(np.abs(y)))
     fits = _fits(L / scale_L, y / scale_y, s / scale_y)
-    # A level left out saves chi2, so no fit may be judged by errors that are too small: widen them by the best.
+    # Leaving out a level lowers chi2: standard errors that are too small would favour it. The best fit scales them.
     best = min((fit for fit in fits if fit["freedom"] > 0), key=lambda fit: fit["score"])
     wider = max(1.0, best["chi2"] / best["freedom"])
     score = np.array([fit["chi2"] / wider + 2.0 * fit["penalty"] for fit in fits])
@@ -153,7 +153,7 @@ def _checked(
 def _fits(
     L: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], s: Float[np.ndarray, " k"]
 ) -> list[dict[str, Any]]:
-    """Every form on the lowest `n` levels, for every `n` that leaves it determined and takes a level whole."""
+    """Every form fitted to the lowest `n` levels, for every `n` that determines it and splits no level."""
     found = []
     for form, powers in FORMS.items():
         columns = L[:, None] ** np.array([0, *powers])
@@ -197,8 +197,8 @@ def _warnings(
     found = []
     if wider > 3.0:
         found.append(
-            f"the measurements scatter about the best curve with {wider:.3g} times the variance that their standard "
-            "errors promise; the error of the result is wider by as much: measure at lower levels."
+            f"the measurements scatter about the best curve with {wider:.3g} times the variance of their standard "
+            "errors; the error of the result is enlarged accordingly: measure at lower levels."
         )
     if value < y[0] - 2.0 * np.hypot(error, s[0]):
         found.append(

@@ -1,4 +1,4 @@
-"""Windows, and how much independent information their overlapping segments hold."""
+"""Windows, and the equivalent number of independent averages of overlapping segments."""
 
 from typing import Literal, NamedTuple
 
@@ -47,7 +47,7 @@ class Averaging(NamedTuple):
 
     - `segments`: number of segments.
     - `effective`: number of independent segments that would leave the same variance in one bin.
-    - `bin_correlation`: number of neighbouring bins that hold together as much as one independent bin.
+    - `bin_correlation`: number of neighbouring bins with the information of one independent bin.
     """
 
     segments: int
