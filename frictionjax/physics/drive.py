@@ -1,5 +1,6 @@
 """The plant: inertia, motor, friction and whatever effects are added to them."""
 
+from collections.abc import Iterator
 from typing import TypeGuard
 
 import equinox as eqx
@@ -135,7 +136,9 @@ class Drive(eqx.Module):
         states = jnp.zeros(self.hidden_count) if hidden is None else hidden
         return Now(x, v, jnp.asarray(push), jnp.asarray(spring), states)
 
-    def _own_states(self, hidden: Float[Array, " m"]):
+    def _own_states(
+        self, hidden: Float[Array, " m"]
+    ) -> Iterator[tuple[AbstractEffect, Float[Array, " own"]]]:
         """Every effect with its own states alone."""
         first = 0
         for effect in self.effects:
@@ -143,7 +146,7 @@ class Drive(eqx.Module):
             yield effect, hidden[first : first + count]
             first += count
 
-    def _own(self, now: Now):
+    def _own(self, now: Now) -> Iterator[tuple[AbstractEffect, Now]]:
         """Every effect with a `Now` that holds its own states alone."""
         for effect, hidden in self._own_states(now.hidden):
             yield effect, Now(now.x, now.v, now.push, now.spring, hidden)

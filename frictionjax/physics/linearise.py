@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -29,11 +29,11 @@ class Linearization(eqx.Module):
     damping: Float[Array, ""]
     natural_frequency: Float[Array, ""]
     damping_ratio: Float[Array, ""]
-    unique: Float[Array, ""]
+    unique: Bool[Array, ""]
 
 
 def linearize(
-    drive: Drive, *, x: float | Float[Array, ""] = 0.0, z: float | Float[Array, " n"] = 0.0
+    drive: Drive, *, x: Real[ArrayLike, ""] = 0.0, z: Real[ArrayLike, ""] | Real[ArrayLike, " n"] = 0.0
 ) -> Linearization:
     """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are held: what is told is how the
     machine answers at once.
@@ -57,7 +57,7 @@ def linearize(
 
 
 @eqx.filter_jit
-def _linearize(drive, x, z):
+def _linearize(drive: Drive, x: Float[Array, ""], z: Float[Array, ""] | Float[Array, " n"]) -> Linearization:
     bristles = drive.bristles()
     deflection = jnp.broadcast_to(z, (drive.bristle_count,))
 
