@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.sharding import Mesh, PartitionSpec
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree, Real
 
 from frictionjax.core import Progress, require_x64, silent
 from frictionjax.core.safe import real
@@ -31,12 +31,12 @@ def position(run: Trajectory) -> Float[Array, " n"]:
 
 def simulate_batch(
     drives: Drive,
-    u: Float[Array, " n"] | Float[Array, "b n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"] | Real[ArrayLike, "b n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, " b"] = 0.0,
-    v0: float | Float[Array, " b"] = 0.0,
-    z0: float | Float[Array, " b"] = 0.0,
+    x0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
+    v0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
+    z0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
     substeps: int = 2,
     of: Callable[[Trajectory], Any] = position,
     memory: float = 2.0**30,
@@ -117,7 +117,9 @@ def _collect(whole: np.ndarray, first: int, last: int, new: Array) -> None:
         list(threads.map(copy, new.addressable_shards))
 
 
-def _packed(leaves, dt, how: "_How") -> tuple[np.ndarray, np.ndarray]:
+def _packed(
+    leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: "_How"
+) -> tuple[Float[np.ndarray, " shared"], Float[np.ndarray, "differing b"]]:
     """All shared numbers, dt first, and a table with a row for each number that differs: each array that goes to a
     device costs a tenth of a millisecond, and a drive has a dozen."""
     scalars, columns = [np.asarray(dt)], []
@@ -127,7 +129,12 @@ def _packed(leaves, dt, how: "_How") -> tuple[np.ndarray, np.ndarray]:
     return np.stack(scalars), np.stack(columns) if columns else np.zeros((0, leaves[how.input].shape[0]))
 
 
-def _unpacked(shared, table, push, how: "_How"):
+def _unpacked(
+    shared: Float[Array, " shared"],
+    table: Float[Array, "differing b"],
+    push: Float[Array, "..."],
+    how: "_How",
+) -> tuple[Float[Array, ""], tuple[Float[Array, "..."], ...]]:
     """dt and the leaves again."""
     scalars, columns = iter(shared), iter(table)
     dt = next(scalars)
@@ -149,7 +156,7 @@ class _How(eqx.Module):
     of: Callable[[Trajectory], Any] = eqx.field(static=True)
 
 
-def _count(run, batched) -> int:
+def _count(run: tuple[PyTree, Float[Array, "..."], PyTree], batched: PyTree) -> int:
     """Number of drives."""
     lengths = {
         leaf.shape[0]
@@ -179,7 +186,7 @@ def _check_room(needed: int) -> None:
         )
 
 
-def _cut(count: int, most: int, devices: tuple) -> tuple[int, int]:
+def _cut(count: int, most: int, devices: tuple[Any, ...]) -> tuple[int, int]:
     """Blocks per device and drives per block of one piece of at most about `most` drives."""
     share = -(-min(count, max(most, 1)) // len(devices))
     # A GPU takes all of its share at once; a CPU takes what fits its cache.
@@ -187,7 +194,7 @@ def _cut(count: int, most: int, devices: tuple) -> tuple[int, int]:
     return blocks, -(-share // blocks)
 
 
-def _single(leaves, dt, how: _How):
+def _single(leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: _How) -> Any:
     """What is kept of one drive."""
     numbers, u, (x0, v0, z0) = jax.tree.unflatten(how.tree, leaves)
     drive = eqx.combine(numbers, how.drive)
@@ -201,7 +208,7 @@ def _kept(how: _How, shapes: tuple[tuple[int, ...], ...]) -> Any:
     return jax.eval_shape(lambda leaves, dt: _single(leaves, dt, how), leaves, dt)
 
 
-def _in_blocks(leaves, dt, how: _How, blocks: int):
+def _in_blocks(leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: _How, blocks: int) -> Any:
     """What is kept of all drives, one block after the other."""
     split = [leaf for leaf, flag in zip(leaves, how.batched, strict=True) if flag]
     count = split[0].shape[0]
@@ -222,7 +229,14 @@ def _in_blocks(leaves, dt, how: _How, blocks: int):
 
 
 @eqx.filter_jit
-def _on_all(shared, table, push, how: _How, blocks: int, devices: tuple):
+def _on_all(
+    shared: Float[Array | np.ndarray, " shared"],
+    table: Float[Array | np.ndarray, "differing b"],
+    push: Float[Array, "..."],
+    how: _How,
+    blocks: int,
+    devices: tuple[Any, ...],
+) -> Any:
     """`_in_blocks` on every device, for its share of the drives."""
 
     def share(shared, table, push):

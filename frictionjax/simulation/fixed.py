@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -65,7 +65,16 @@ _MOST_STEPS = 256
 
 
 @eqx.filter_jit
-def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
+def _simulate(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    x0: Float[Array, ""],
+    v0: Float[Array, ""],
+    z0: Float[Array, ""],
+    substeps: int,
+    before: Before | None = None,
+) -> Trajectory:
     bristles = drive.bristles()
 
     def sample(state, force):
@@ -85,12 +94,12 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
 
 def simulate(
     drive: Drive,
-    u: Float[Array, " n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, ""] = 0.0,
-    v0: float | Float[Array, ""] = 0.0,
-    z0: float | Float[Array, ""] = 0.0,
+    x0: Real[ArrayLike, ""] = 0.0,
+    v0: Real[ArrayLike, ""] = 0.0,
+    z0: Real[ArrayLike, ""] = 0.0,
     substeps: int | Literal["auto"] = 2,
     encoder_step: float | None = None,
     tolerance: float | None = None,
@@ -137,7 +146,14 @@ def simulate(
     return _simulate(drive, u, 1.0 / real(sample_rate), *start, int(substeps), before)
 
 
-def _refined(drive: Drive, u, dt, start, tolerance: float | None, before: Before) -> Trajectory:
+def _refined(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    tolerance: float | None,
+    before: Before,
+) -> Trajectory:
     """Twice the steps until two runs differ by little: the error of a second-order run is 4/3 of that difference."""
     if tolerance is None or not tolerance > 0.0:
         raise ValueError(

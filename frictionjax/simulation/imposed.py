@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real, sign
@@ -45,15 +45,17 @@ class _Step(NamedTuple):
     """What is known of a step: its length; at both ends (2,) position, velocity (and one that is never without a
     direction), level and yield of LuGre's bristle."""
 
-    h: Array
-    x: Array
-    v: Array
-    going: Array
-    level: Array
-    slips: Array
+    h: Float[Array, "*steps"]
+    x: Float[Array, "*steps 2"]
+    v: Float[Array, "*steps 2"]
+    going: Float[Array, "*steps 2"]
+    level: Float[Array, "*steps 2"]
+    slips: Float[Array, "*steps 2"]
 
 
-def _limits(x, v, dt):
+def _limits(
+    x: Float[Array, " n"], v: Float[Array, " n"] | None, dt: Float[Array, ""]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Velocities on both sides of every sample instant, each of shape (n,)."""
     if v is not None:
         return v, v
@@ -71,7 +73,7 @@ def _has_spring_effects(drive: Drive) -> bool:
     return any(isinstance(effect, AbstractSpringEffect) for effect in drive.effects)
 
 
-def _slips_at(drive: Drive, level):
+def _slips_at(drive: Drive, level: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Deflection at which LuGre's bristle carries `level`."""
     sigma0, z = drive.friction.sigma0, level / drive.friction.sigma0
     if not _has_spring_effects(drive):
@@ -86,7 +88,9 @@ def _slips_at(drive: Drive, level):
     return closer(0, jax.lax.stop_gradient(jax.lax.fori_loop(0, 8, closer, z)))
 
 
-def _secant(drive: Drive, z, y, level):
+def _secant(
+    drive: Drive, z: Float[Array, ""], y: Float[Array, ""], level: Float[Array, ""]
+) -> Float[Array, ""]:
     """Stiffness with which LuGre's bristle goes from the deflection `z` to `y`, where it carries `level`."""
     towards = sign(y)
 
@@ -107,7 +111,9 @@ def _level_has_states(drive: Drive) -> bool:
     )
 
 
-def _relaxed(z, y0, y1, a):
+def _relaxed(
+    z: Float[Array, ""], y0: Float[Array, ""], y1: Float[Array, ""], a: Float[Array, ""]
+) -> Float[Array, ""]:
     """LuGre's bristle after a step of `a` relaxation lengths towards `y0`, which becomes `y1` meanwhile."""
     gone = -jnp.expm1(-a)
     small = a < 1e-8
@@ -115,7 +121,14 @@ def _relaxed(z, y0, y1, a):
     return z + gone * (y0 - z) + late * (y1 - y0)
 
 
-def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped: Array | float = 0.0):
+def _bent(
+    drive: Drive,
+    bristles: Bristles,
+    z: Float[Array, " bristles"],
+    way: Float[Array, ""],
+    step: _Step,
+    unslipped: Float[Array, ""] | float = 0.0,
+) -> Float[Array, " bristles"]:
     """Deflections after the bristles went the `way`, position units, and a piece more in which LuGre's does not slip,
     `unslipped`: half of it before, half of it after."""
     z = jnp.concatenate([z[:1] + 0.5 * unslipped, z[1:]])
@@ -135,7 +148,14 @@ def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped: Arra
     return jnp.concatenate([first[None], bristles.cut(z[1:] + way + unslipped, limit)])
 
 
-def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
+def _steps(
+    drive: Drive,
+    x: Float[Array, " n"],
+    start: Float[Array, " n-1"],
+    end: Float[Array, " n-1"],
+    dt: Float[Array, ""],
+    substeps: int,
+) -> _Step:
     """The steps, two to a substep, each part of shape (steps,); `start` and `end`: velocities of every sample.
 
     A substep is cut where the velocity turns, else in its middle: no bristle misses a way out and back.
@@ -164,11 +184,11 @@ def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
 
 def run_imposed(
     drive: Drive,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
-    z0: float | Float[Array, ""],
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
+    z0: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
+    v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
@@ -228,11 +248,11 @@ def run_imposed(
 
 def imposed_friction(
     drive: Drive,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
-    z0: float | Float[Array, ""],
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
+    z0: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
+    v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
 ) -> Float[Array, " n"]:
@@ -249,18 +269,25 @@ def imposed_friction(
 
 
 @eqx.filter_jit
-def _simulate_imposed(drive, x, dt, z0, v, substeps):
+def _simulate_imposed(
+    drive: Drive,
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    z0: Float[Array, ""],
+    v: Float[Array, " n"] | None,
+    substeps: int,
+) -> Trajectory:
     v, z, friction = run_imposed(drive, x, dt, z0, v=v, substeps=substeps)
     return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, x, substeps)
 
 
 def simulate_imposed(
     drive: Drive,
-    x: Float[Array, " n"],
-    sample_rate: float,
+    x: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
-    z0: float | Float[Array, ""] = 0.0,
+    v: Real[ArrayLike, " n"] | None = None,
+    z0: Real[ArrayLike, ""] = 0.0,
     substeps: int = 1,
 ) -> Trajectory:
     """Friction force of `drive` when its position is imposed: F = sigma0 z + sigma1 dz/dt + sigma2 v, and the effects.
@@ -297,7 +324,7 @@ def simulate_imposed(
     compiled functions, `InputError` for a number in `x` or `v` that is not finite and a `sample_rate` not above zero.
     """
     require_x64()
-    x, v = real(x), None if v is None else real(v)
+    x, v, rate = real(x), None if v is None else real(v), real(sample_rate)
     if x.ndim != 1 or x.shape[0] < 2:
         raise ValueError(
             f"`x` has shape {x.shape}; `simulate_imposed` takes one motion of shape (n,) with at least 2 samples. "
@@ -310,7 +337,7 @@ def simulate_imposed(
             at = int(np.argmin(np.isfinite(values)))
             cure = "Cut it out, or interpolate over it."
             raise InputError(f"sample {at} is {float(values[at])}", place=f"`{name}`", cure=cure)
-    if not isinstance(sample_rate, Tracer) and not 0.0 < float(sample_rate) < np.inf:
+    if not isinstance(rate, Tracer) and not 0.0 < float(rate) < np.inf:
         cure = "Give samples per second, above zero."
         raise InputError(f"it is {sample_rate}", place="`sample_rate`", cure=cure)
-    return _simulate_imposed(drive, x, 1.0 / real(sample_rate), real(z0), v, int(substeps))
+    return _simulate_imposed(drive, x, 1.0 / rate, real(z0), v, int(substeps))

@@ -34,8 +34,7 @@ from frictionjax.physics.effects import (
     Before,
     Now,
 )
-from frictionjax.simulation.fixed import Start
-from frictionjax.simulation.lanes import begin_rows, rows_along, tiled
+from frictionjax.simulation.lanes import Starts, begin_rows, rows_along, tiled
 from frictionjax.simulation.load_side import contact, relaxed
 from frictionjax.simulation.observer import Gains, innovation_step
 from frictionjax.simulation.ros2 import State
@@ -266,7 +265,7 @@ def injected_innovations(
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
     gains: Gains,
-    start: Start,
+    start: Starts,
     *,
     substeps: int = 1,
 ) -> Float[Array, "k r n"]:

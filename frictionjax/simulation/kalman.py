@@ -8,6 +8,8 @@ Filtering Theory, 1970, ch. 8). Without the force the gains vanish with time and
 the machine's own spring holds it and they are small; in sliding they are those of a free mass.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -42,12 +44,14 @@ def _flat(state: State) -> Float[Array, " m"]:
     return jnp.concatenate([state.x[None], state.v[None], state.z, state.hidden])
 
 
-def _seen(drive: Drive, flat: Float[Array, " m"], t) -> Float[Array, ""]:
+def _seen(drive: Drive, flat: Float[Array, " m"], t: Float[Array, ""]) -> Float[Array, ""]:
     """What the sensor of the `drive` shows in a flat state."""
     return drive.seen(flat[0], t, flat[2 + drive.bristle_count :])
 
 
-def _following(drive: Drive, dt: Float[Array, ""], substeps: int):
+def _following(
+    drive: Drive, dt: Float[Array, ""], substeps: int
+) -> Callable[[Float[Array, " m"], Float[Array, ""] | Push], Float[Array, " m"]]:
     """One sample of the `drive` on flat states: (state, force) -> state."""
     bristles, count = drive.bristles(), drive.bristle_count
 
@@ -130,7 +134,16 @@ def kalman_filter(
     )
 
 
-def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
+def _along(
+    drive: Drive,
+    force: Float[Array, " n"] | Push,
+    given: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gain: Float[Array, "n m"],
+    start: Start,
+    substeps: int,
+    tell: Callable[[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]],
+) -> Float[Array, " n"]:
     """What `tell(predicted position, given)` says at each sample as (innovation, output): the outputs, shape `(n,)`."""
     following = _following(drive, dt, substeps)
 

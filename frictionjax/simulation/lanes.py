@@ -11,8 +11,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import Start, state_at
+from frictionjax.physics.effects import Before
+from frictionjax.simulation.fixed import state_at
 from frictionjax.simulation.observer import Gains, innovation_step
+from frictionjax.simulation.ros2 import State
+
+Starts = (
+    tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, "k r"]]
+    | tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, "k r"], Before]
+)
+"""`Start` of `k` machines in each of `r` recordings: only the deflection of the bristle differs between machines."""
 
 
 def tiled(tree: PyTree, count: int) -> PyTree:
@@ -45,7 +53,7 @@ def rows_along(
     return jax.lax.scan(sample, begin, jax.tree.map(jnp.transpose, (shared, own)))[1].T
 
 
-def begin_rows(drives: Drive, z0: Float[Array, "k r"], start: Start):
+def begin_rows(drives: Drive, z0: Float[Array, "k r"], start: Starts) -> tuple[Drive, State]:
     """Each of the `drives`, leaves of shape `(k, ...)`, at the first sample of each recording: the drives by rows, and
     their states there; `start` as in `innovations_side_by_side`."""
     count, recordings = z0.shape
@@ -64,7 +72,7 @@ def innovations_side_by_side(
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
     gains: Gains,
-    start: Start,
+    start: Starts,
     *,
     substeps: int = 1,
 ) -> Float[Array, "k r n"]:

@@ -17,6 +17,9 @@ from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
+Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""]]
+"""Motor force, measured position and time of a sample."""
+
 
 class Gains(eqx.Module):
     """Gains of the observer with a double pole at p = exp(-2 pi bandwidth dt).
@@ -61,7 +64,9 @@ class Observed(eqx.Module):
     hidden: Float[Array, "n m"]
 
 
-def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
+def corrected(
+    drive: Drive, slack: Float[Array, " n"], state: State, innovation: Float[Array, ""], gains: Gains
+) -> State:
     """State after the correction by one innovation; `slack` as in `Bristles`.
 
     The gains are those by which what the sensor shows is corrected, and the velocity. A sensor that comes late trails a
@@ -87,7 +92,9 @@ def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> St
     return State(x, v, state.z + further * stuck, _left_behind(drive, hidden, further, faster))
 
 
-def _left_behind(drive: Drive, hidden: Float[Array, " m"], further, faster) -> Float[Array, " m"]:
+def _left_behind(
+    drive: Drive, hidden: Float[Array, " m"], further: Float[Array, ""], faster: Float[Array, ""]
+) -> Float[Array, " m"]:
     """The `hidden` states when the motor is corrected to be `further` and `faster`: what is known of the load stays
     what it was.
 
@@ -173,7 +180,9 @@ def innovations(
     return jax.lax.scan(step, state_at(drive, start), (force, x, t))[1]
 
 
-def innovation_step(drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int) -> Callable:
+def innovation_step(
+    drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int
+) -> Callable[[State, Sample], tuple[State, Float[Array, ""]]]:
     """One sample of `innovations`: (state, (force, measured position, time)) -> (state, innovation)."""
     bristles = drive.bristles()
 

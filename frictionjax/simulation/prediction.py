@@ -7,7 +7,7 @@ Between the two lies what a user feels: the error after a stated time, from a st
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -59,16 +59,26 @@ def run_ahead(
 
 
 @eqx.filter_jit
-def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps):
+def _predict_ahead(
+    drive: Drive,
+    force: Float[Array, " n"] | Push,
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gains: Gains,
+    start: Start,
+    horizon: int,
+    stride: int,
+    substeps: int,
+) -> Float[Array, " n"]:
     observed = observe(drive, force, x, dt, gains, start, substeps=substeps)
     return run_ahead(drive, force, observed, dt, gains, horizon=horizon, stride=stride, substeps=substeps)
 
 
 def predict_ahead(
     drive: Drive,
-    force: Float[Array, " n"] | Push,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
+    force: Real[ArrayLike, " n"] | Push,
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
     gains: Gains,
     start: Start,
     *,
@@ -103,18 +113,20 @@ def predict_ahead(
     and `x` are not of one length.
     """
     require_x64()
-    force, x = jax.tree.map(real, force), real(x)
-    if x.ndim != 1 or mean_of(force).shape != x.shape:
-        raise ValueError(f"`force` has shape {mean_of(force).shape} and `x` {x.shape}; both must be (n,).")
+    applied, measured = jax.tree.map(real, force), real(x)
+    if measured.ndim != 1 or mean_of(applied).shape != measured.shape:
+        raise ValueError(
+            f"`force` has shape {mean_of(applied).shape} and `x` {measured.shape}; both must be (n,)."
+        )
     if horizon < 1 or stride < 1:
         raise ValueError(f"`horizon` is {horizon} and `stride` {stride}; both count samples and start at 1.")
     return _predict_ahead(
         drive,
-        force,
-        x,
+        applied,
+        measured,
         real(dt),
         jax.tree.map(real, gains),
-        tuple(real(value) for value in start),
+        jax.tree.map(real, start),
         horizon,
         stride,
         substeps,

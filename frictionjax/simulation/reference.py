@@ -7,7 +7,7 @@ stretch may step over a change of the input without noticing; so every sample in
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real, sign
@@ -20,7 +20,17 @@ _CORNER = 1e-2
 
 
 @eqx.filter_jit
-def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
+def _simulate_reference(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    x0: Float[Array, ""],
+    v0: Float[Array, ""],
+    z0: Float[Array, ""],
+    rtol: Float[Array, ""],
+    atol: Float[Array, ""],
+    max_steps: int,
+) -> Trajectory:
     import diffrax  # it loads slowly, and only those wait who judge the scheme
 
     bristles = drive.bristles()
@@ -94,12 +104,12 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
 
 def simulate_reference(
     drive: Drive,
-    u: Float[Array, " n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, ""] = 0.0,
-    v0: float | Float[Array, ""] = 0.0,
-    z0: float | Float[Array, ""] = 0.0,
+    x0: Real[ArrayLike, ""] = 0.0,
+    v0: Real[ArrayLike, ""] = 0.0,
+    z0: Real[ArrayLike, ""] = 0.0,
     rtol: float = 1e-9,
     atol: float = 1e-12,
     max_steps: int = 10_000_000,
