@@ -35,8 +35,8 @@ class Linearization(eqx.Module):
 def linearize(
     drive: Drive, *, x: Real[ArrayLike, ""] = 0.0, z: Real[ArrayLike, ""] | Real[ArrayLike, " n"] = 0.0
 ) -> Linearization:
-    """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are held: what is told is how the
-    machine answers at once.
+    """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are constant: the result is the
+    instantaneous response.
 
     **Arguments:**
 
@@ -65,7 +65,7 @@ def _linearize(drive: Drive, x: Float[Array, ""], z: Float[Array, ""] | Float[Ar
         def field(state):
             position, speed, elements = state[0], state[1], state[2:]
             # |v| = direction * v on this side of rest: an exact one-sided derivative, nothing is smoothed.
-            # An element at its yield slips when the motion goes on, and sticks when it turns back.
+            # An element at its yield slips when the motion continues, and sticks when it reverses.
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
             sigma0 = drive.friction.sigma0
             sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)

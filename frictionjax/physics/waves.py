@@ -1,4 +1,4 @@
-"""Waves: what is periodic in position, or in time."""
+"""Waves: periodic functions of position or time."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -10,7 +10,7 @@ Parts = tuple[Float[Array, "..."], Float[Array, "..."]]
 def wave(turns: Float[Array, "..."], *parts: Parts) -> Float[Array, "..."]:
     """Sum of sine_k sin(2 pi k turns) + cosine_k cos(2 pi k turns) over the `parts` (sine_k, cosine_k), k = 1, 2, ...
 
-    **Arguments:** `turns`: how many periods of the first one it is to here.
+    **Arguments:** `turns`: the argument in periods of the first one.
     """
     angle = 2.0 * jnp.pi * turns
     terms = [

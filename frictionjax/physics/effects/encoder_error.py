@@ -40,7 +40,7 @@ class EncoderError(AbstractSensorEffect):
         Parameter("period", "{position}", "period of the error", "log", scale="sensor_period", grid="period"),
     )
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
         return position + wave(position / self.period, (self.sine, self.cosine))
@@ -73,7 +73,7 @@ class EncoderErrorWithOvertone(AbstractSensorEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = EncoderError.nuisances
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
         return position + wave(position / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))

@@ -39,7 +39,7 @@ class MainsPickup(AbstractSensorEffect):
         Parameter("frequency", "Hz", "mains frequency", "none", grid=(50.0, 60.0)),
     )
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
         return position + wave(self.frequency * t, (self.sine, self.cosine))

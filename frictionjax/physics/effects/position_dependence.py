@@ -27,7 +27,7 @@ class PositionDependence(AbstractLevelEffect):
     **Arguments:**
 
     - `linear`, `quadratic`: relative change of the level along the stroke.
-    - `center`, `half_stroke`: the stroke that the recordings cover, position units (not fitted).
+    - `center`, `half_stroke`: the stroke of the recordings, position units (not fitted).
     """
 
     linear: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
@@ -47,7 +47,7 @@ class PositionDependence(AbstractLevelEffect):
     )
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        # Outside the stroke the polynomial would run away; a friction level does not.
+        # Outside the stroke the polynomial would diverge; a friction level does not.
         p = jnp.clip((now.x - self.center) / self.half_stroke, -1.2, 1.2)
         return level * (1.0 + self.linear * p + self.quadratic * (1.5 * p * p - 0.5))
 

@@ -49,8 +49,8 @@ class Ripple(AbstractForceEffect):
 
 
 class RippleWithOvertone(AbstractForceEffect):
-    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave that is
-    no sine.
+    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave with an
+    overtone.
 
     **Arguments:**
 

@@ -31,7 +31,7 @@ class TorqueRipple(AbstractForceEffect):
         equation="J x'' = km u (1 + sine sin(2 pi x/period) + cosine cos(2 pi x/period)) - F",
         shows="a wave along the stroke that grows with the input",
         confused_with=("ripple", "position_dependence", "warmup"),
-        split_by="moves over several periods with different accelerations: it goes with the input, not with friction",
+        split_by="moves over several periods with different accelerations: it grows with the input, not with friction",
         needs=("motor force",),
         one_law=True,
     )
@@ -50,8 +50,8 @@ class TorqueRipple(AbstractForceEffect):
 
 
 class TorqueRippleWithOvertone(AbstractForceEffect):
-    """J x'' = km u (1 + sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period)) - F, k = 1, 2: a wave that
-    is no sine.
+    """J x'' = km u (1 + sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period)) - F, k = 1, 2: a wave with
+    an overtone.
 
     **Arguments:**
 
