@@ -43,7 +43,7 @@ BAD = {
     "no fit recording": (case(HEADER + HOLDOUT), ["case.toml", "no recording to fit"]),
     "no holdout recording": (
         case(HEADER + FIT),
-        ["case.toml", "kept aside", "never seen", 'at least one recording with role = "holdout"'],
+        ["case.toml", "held out", "not fitted to", 'at least one recording with role = "holdout"'],
     ),
     # the plant
     "unknown key of the plant": (
@@ -92,7 +92,7 @@ BAD = {
         recording("scale = {t = 1e-30}"),
         ["run.csv", "sample rate is 1e+33 Hz", "ms"],
     ),
-    "scale next to nothing": (recording("scale = {x = 1e-90}"), ["key `scale.x`", "next to nothing"]),
+    "scale too small": (recording("scale = {x = 1e-90}"), ["key `scale.x`", "too small"]),
     "columns are no table": (recording('columns = "x"'), ["key `columns`", "columns = {x ="]),
     "unknown role of a column": (
         recording('columns = {pos = "x"}'),
@@ -146,9 +146,12 @@ BAD = {
     "bare: no files": (bare([], ["kept.csv"]), ["no recording to fit"]),
     "bare: several files, no holdout": (
         bare(["run.csv", "kept.csv"], []),
-        ["kept aside", "at least one file as holdout"],
+        ["held out", "at least one file as holdout"],
     ),
-    "bare: one short file": (bare(["run.csv"], []), ["run", "200 samples", "too few to keep a third", "300"]),
+    "bare: one short file": (
+        bare(["run.csv"], []),
+        ["run", "200 samples", "too few to hold out a third", "300"],
+    ),
     "bare: motor constant zero": (bare(["run.csv"], ["kept.csv"], motor_constant=0.0), ["motor_constant"]),
     "bare: file missing": (bare(["rum.csv"], ["kept.csv"]), ["rum.csv", 'Did you mean "run.csv"?']),
     "bare: holdout is a fit file": (bare(["run.csv"], ["run.csv"]), ["shares samples"]),

@@ -1,4 +1,4 @@
-"""How much of a verb's time JAX spent on compilation: told apart in every report."""
+"""How much of a verb's time JAX spent on compilation, reported apart from the run time."""
 
 import jax
 

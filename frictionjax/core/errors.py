@@ -1,4 +1,4 @@
-"""Errors are sentences: what is wrong, where (file, line, column), and what mends it."""
+"""Errors are sentences: what is wrong, where (file, line, column), and how to correct it."""
 
 
 class InputError(ValueError):
@@ -12,7 +12,7 @@ class InputError(ValueError):
     - `cure`: what the user should do, as a sentence.
     """
 
-    def __init__(self, problem: str, *, file: object = None, place: str = "", cure: str = ""):
+    def __init__(self, problem: str, *, file: object = None, place: str = "", cure: str = "") -> None:
         self.problem, self.file, self.place, self.cure = problem, file, place, cure
         where = ", ".join(str(part) for part in (file, place) if part)
         parts = [f"{where}: {problem}" if where else problem]

@@ -9,7 +9,7 @@ class Estimate(eqx.Module):
     **Attributes:**
 
     - `value`: the estimate, in `unit`.
-    - `stderr`: its standard error, in `unit`; `inf` when the data do not hold the quantity.
+    - `stderr`: its standard error, in `unit`; `inf` when the data do not determine the quantity.
     - `unit`: the unit, as text (`"1"` for a ratio).
     - `identified`: False when the recordings do not determine the value (it then rests on the prior).
     """

@@ -10,17 +10,18 @@ class Parameter(eqx.Module):
 
     **Attributes:**
 
-    - `name`: the field of the Module that holds it.
+    - `name`: the field of the Module with its value.
     - `unit`: its unit as text, in terms of `{force}`, `{position}`, `{input}` and `s`; `"1"` for a ratio.
     - `meaning`: a few words.
-    - `transform`: how a fit sees it: `"log"` (positive), `"linear"`, or `"none"` (not fitted).
+    - `transform`: what a fit varies: the logarithm of a positive parameter (`"log"`), the parameter (`"linear"`),
+      or nothing (`"none"`).
     - `scale`: the typical size of a linear parameter (its unit step in a fit). It may depend on the plant:
       `"Fc"`, `"sigma0"`, `"zs"` (the break-away deflection Fs/sigma0), `"stroke"`, `"dt"` stand for these.
-    - `lower`, `upper`: admissible range; a fit stays inside and says when it ends at an end.
+    - `lower`, `upper`: admissible range; a fit stays inside and reports when it stops at a bound.
     - `probes`: finite steps, in units of `scale`, at which a strength is tried before anything is refitted.
-    - `other_start`: where a refit begins besides, in units of `scale`, when from its one-step estimate it gets nowhere.
+    - `other_start`: a second starting value of a refit, in units of `scale`, used when the first leads nowhere.
     - `grid`: values, in units of `scale`, at which a nuisance parameter (period, time constant, spread) is tried;
-      `"period"` in place of numbers asks for the periods found in the data.
+      `"period"` in place of numbers stands for the periods found in the data.
     """
 
     name: str = eqx.field(static=True)

@@ -1,4 +1,4 @@
-"""float64 is asked for, never switched on behind the user's back."""
+"""Require float64; it is never switched on without the user's consent."""
 
 import jax
 

@@ -1,6 +1,6 @@
-"""`configure_jax`: float64, one device per core, and compiled loops that are one piece of machine code each;
-`keep_compiled`: what is compiled is there for the processes that come after; `keep_memory`: what is freed is not asked
-for again."""
+"""`configure_jax`: float64, one device per core, and loops compiled to one piece of machine code each;
+`keep_compiled`: a cache of compiled programs for later processes; `keep_memory`: freed memory stays with the process.
+"""
 
 import ctypes
 import os
@@ -14,12 +14,12 @@ from platformdirs import user_cache_path
 from frictionjax.core.errors import FrictionjaxWarning
 
 LOOPS = {
-    # A loop whose arrays are small is compiled whole; left alone, each of its operations is a call of its own, which
-    # costs a scalar simulation ten times its arithmetic.
+    # Compiles a loop over small arrays as a whole. By default each of its operations is a call of its own, which costs
+    # a scalar simulation ten times its arithmetic.
     "xla_cpu_small_while_loop_byte_threshold": "1000000",
-    # Outputs that share their inputs are computed together, not each from the start.
+    # Computes outputs of the same inputs together instead of each on its own.
     "xla_cpu_use_multi_output_fusion": "true",
-    # Without this the two above would copy every stored array whole at each step.
+    # Without this the two options above copy every stored array as a whole at each step.
     "xla_cpu_flatten_after_fusion": "true",
 }
 """Options of XLA's CPU compiler, by name; `python -m benchmarks flags` prints what each does."""
@@ -28,7 +28,7 @@ _EXTRA = "--xla_backend_extra_options="
 
 
 def _with_our_flags(flags: str) -> str:
-    """`flags` (the value of XLA_FLAGS) and ours; what the user has set stays."""
+    """`flags` (the value of XLA_FLAGS) with our options added; options that the user has set stay."""
     words = flags.split()
     if not any(word.startswith("--xla_cpu_prefer_vector_width") for word in words):
         words.append(_WIDTH)
@@ -44,8 +44,8 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
 
     Switches float64 on; makes every processor core a JAX device, over which batches are spread; and asks XLA, through
     the environment variable XLA_FLAGS, to compile small loops as one piece. Simulations run several times faster with
-    it, and every number stays what it is up to rounding. What XLA_FLAGS says already stays. The whole process is
-    affected, which is why the library never does this unasked; the program `frictionjax` does.
+    it, and results change by rounding errors only. Options already in XLA_FLAGS stay. The whole process is affected,
+    which is why the library never does this unasked; the program `frictionjax` does.
 
     **Arguments:**
 
@@ -53,8 +53,8 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
 
     **Raises:**
 
-    `ValueError` when `cpu_devices` is below 1. Where JAX has begun to compute already, a `FrictionjaxWarning` says
-    that the speed is lost, and float64 is switched on all the same.
+    `ValueError` when `cpu_devices` is below 1. Where JAX has computed something already, a `FrictionjaxWarning` says
+    that simulations stay slow; float64 is switched on all the same.
     """
     if cpu_devices is not None and cpu_devices < 1:
         raise ValueError(f"`cpu_devices` is {cpu_devices}; at least one is needed. None takes every core.")
@@ -66,7 +66,7 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
             return
         cpu_devices = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     try:
-        # It refuses once there are devices: the one public sign that XLA_FLAGS has been read.
+        # This raises once there are devices: the one public sign that XLA_FLAGS has been read.
         jax.config.update("jax_num_cpu_devices", cpu_devices or 1)
     except RuntimeError:
         if flags != before:
@@ -79,11 +79,11 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
 
 
 def keep_compiled(folder: Path | None = None) -> None:
-    """Keep what JAX compiles in `folder` (default: the user's cache): another process with the same shapes does not
-    wait for it.
+    """Keep what JAX compiles in `folder` (default: the user's cache), so that later processes with the same shapes
+    do not compile again.
 
-    What has been chosen already stays (`JAX_COMPILATION_CACHE_DIR` or JAX's own setting), and where the folder cannot
-    be written, nothing is kept. Like `configure_jax` it affects the whole process; the program `frictionjax` calls it.
+    A cache that is set already (`JAX_COMPILATION_CACHE_DIR` or JAX's own setting) stays, and where the folder cannot be
+    written, nothing is kept. Like `configure_jax` it affects the whole process; the program `frictionjax` calls it.
     """
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
         return
@@ -97,17 +97,17 @@ def keep_compiled(folder: Path | None = None) -> None:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
-# Numbers of glibc's `mallopt`, and what is set: nothing is given back, and all but the largest arrays come from heaps.
-# One heap for all threads would hold less, but they wait for each other in it while they compile.
+# Options of glibc's `mallopt` by number, and their values: no memory is returned to the system, and all but the largest
+# arrays come from heaps. One heap for all threads would need less memory, but threads that compile would wait for it.
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**31 - 1), "M_MMAP_THRESHOLD": (-3, 2**30)}
 
 
 def keep_memory() -> None:
-    """Let the process keep the memory of arrays that it has freed, for the next ones.
+    """Keep the memory of freed arrays in the process, for the next arrays.
 
     The C library of Linux gives the pages of large arrays back to the system and asks for them again, thousands of
-    times in a diagnosis, and each is emptied anew. Like `configure_jax` it affects the whole process; the program
-    `frictionjax` calls it. With another C library it does nothing.
+    times in a diagnosis, and the system clears them each time. Like `configure_jax` it affects the whole process; the
+    program `frictionjax` calls it. With another C library it does nothing.
     """
     if platform.libc_ver()[0] != "glibc":
         return

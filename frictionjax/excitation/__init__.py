@@ -1,4 +1,4 @@
-"""What to apply to a machine so that its friction shows: noise, multisines, ramps, presliding loops, moves.
+"""Excitation signals that show a machine's friction: noise, multisines, ramps, presliding loops, moves.
 
 Every signal has the shape `(n,)`, one value a sample, to be held until the next. Random ones take a key of
 `jax.random`; `jax.vmap` over keys gives independent realisations. Times are in s, frequencies in Hz, levels in the

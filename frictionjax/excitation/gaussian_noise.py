@@ -1,4 +1,4 @@
-"""Gaussian noise with a sharp band."""
+"""Band-limited Gaussian noise."""
 
 import jax
 import jax.numpy as jnp
@@ -33,7 +33,7 @@ def gaussian_noise(
 
     **Raises:** `InputError` when no multiple of `sample_rate / n` lies in the band.
     """
-    # Whole numbers of periods in the record: compared with the band as integers, so that rounding moves no edge.
+    # Lines are whole numbers of periods: the band is compared with them as integers, so that rounding moves no edge.
     first, last = max(1, -int(-low * n // sample_rate)), min(n // 2, int(bandwidth * n // sample_rate))
     if last < first:
         raise InputError(

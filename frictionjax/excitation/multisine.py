@@ -21,8 +21,8 @@ def multisine(
 ) -> Float[Array, " n"]:
     """Sines of equal amplitude and independent uniform phases, periodic in `n` samples.
 
-    With `odd`, the even lines are left silent and become detection lines: an even nonlinearity (a direction that
-    differs, a load) answers on them, an odd one (friction) does not, and neither reaches the odd lines in the
+    With `odd`, the even lines are left silent and become detection lines: an even nonlinearity (direction-dependent
+    friction, a load) responds on them, an odd one (friction) does not, and neither reaches the odd lines in the
     same way (Pintelon and Schoukens, System Identification, 2nd ed., 2012, ch. 4). `multisine_lines` draws odd lines
     with some left out, whose `frequency` is then `lines_or_band` here.
 
@@ -42,7 +42,7 @@ def multisine(
     """
     step = sample_rate / n
     if isinstance(lines_or_band, tuple) and len(lines_or_band) == 2:
-        # The small allowance keeps an edge that is a line itself, whatever its division rounds to.
+        # The small margin keeps an edge that is a line itself, whatever the division rounds to.
         low, high = (edge / step for edge in lines_or_band)
         lines = np.arange(max(1, np.ceil(low - 1e-6)), np.floor(high + 1e-6) + 1).astype(int)
     else:

@@ -1,4 +1,4 @@
-"""Which lines of a multisine carry a sine, and which are left silent to listen."""
+"""Which lines of a multisine are excited, and which are left silent as detection lines."""
 
 import equinox as eqx
 import jax
@@ -48,7 +48,7 @@ def multisine_lines(
 ) -> MultisineLines:
     """Odd lines of a band, less one of each group of `group`, drawn at random.
 
-    The odd lines left out tell how strong odd nonlinearities are, the even ones all tell of even nonlinearities
+    The silent odd lines show how strong odd nonlinearities are, all even lines show even nonlinearities
     (Pintelon and Schoukens, System Identification, 2nd ed., 2012, ch. 4, who take groups of three or four). Draw once,
     and give the same lines to `multisine` for every realisation: only the phases are to differ.
 
@@ -62,7 +62,7 @@ def multisine_lines(
 
     **Returns:** the `MultisineLines`, whose `frequency` goes to `multisine` as `lines_or_band`.
 
-    **Raises:** `InputError` when the band holds fewer than two groups of lines that `n` samples can carry, or
+    **Raises:** `InputError` when the band has fewer than two groups of lines that `n` samples can carry, or
         `group` is negative or 1.
     """
     spacing = sample_rate / n
@@ -70,7 +70,7 @@ def multisine_lines(
         raise InputError(
             f"`group` is {group} and would leave no lines", cure="Choose 3 or 4, or 0 to leave out none."
         )
-    # The small allowance keeps an edge that is a line itself, whatever its division rounds to.
+    # The small margin keeps an edge that is a line itself, whatever the division rounds to.
     low, high = (edge / spacing for edge in band)
     lines = np.arange(max(1, np.ceil(low - 1e-6)), np.floor(high + 1e-6) + 1).astype(int)
     lines = lines[(lines % 2 == 1) & (2 * lines < n)]
@@ -81,7 +81,7 @@ def multisine_lines(
             cure=f"Widen it or take a larger `n`: lines are {spacing:.4g} Hz apart, every second is odd.",
         )
     if group:
-        # Groups that the end of the band cuts short keep all their lines.
+        # An incomplete group at the end of the band keeps all its lines.
         groups = lines.size // group
         silent = group * np.arange(groups) + np.asarray(jax.random.randint(key, (groups,), 0, group))
         lines = np.delete(lines, silent)

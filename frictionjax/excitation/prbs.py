@@ -14,7 +14,7 @@ def prbs(
 ) -> Float[Array, " n"]:
     """Binary noise: `+rms` or `-rms`, drawn anew at every tick of a clock and held in between.
 
-    Of all signals with a given peak it has the most power, and never comes nearer to break-away than its rms. Held
+    Of all signals of a given peak it has the most power, and its peak is its rms. Held
     for `T` seconds, it has the spectrum `sinc(f T)^2`; the clock is set so that half the power is left at
     `bandwidth`. There are as many ticks up as down (to within one), as in a maximum-length sequence, so that the
     machine is not pushed away; unlike the shifts of one such sequence, two keys give independent realisations.

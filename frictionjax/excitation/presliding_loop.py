@@ -1,4 +1,4 @@
-"""Slow loops below break-away: what a machine remembers of where it turned."""
+"""Slow loops below break-away, which show hysteresis with non-local memory."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def presliding_loop(
     cycles: int = 1,
     rest: float = 0.0,
 ) -> Float[Array, " n"]:
-    """A triangle to `level` and back to `-level`, at one rate throughout, with smaller loops inside if wanted.
+    """A triangle to `level` and back to `-level`, at one rate throughout, with smaller loops inside on request.
 
     The paper's Fig. 2 is the plain loop. With `nested = (b1, b2)`, fractions of `level`, the line goes on from
     `-level` to `b1`, `-b1`, `b2`, `-b2`, and from there up to `level` again, through `b2` and `b1`. Hysteresis with

@@ -1,4 +1,4 @@
-"""Best linear approximation from periodic data, and how far from linear the machine is."""
+"""Best linear approximation from periodic data, and the level of nonlinear distortion."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from frictionjax.frequency.frf import FRF
 
 
 class Detection(eqx.Module):
-    """What a machine answers on lines that the input leaves silent.
+    """The output on detection lines, which the input leaves silent.
 
     **Attributes:**
 
@@ -58,7 +58,7 @@ class BLA(eqx.Module):
     - `response`: output unit per input unit, the mean over the realisations, shape `(f,)`.
     - `noise_variance`: variance of `response` by noise, from the scatter over the periods, shape `(f,)`.
     - `total_variance`: its variance by noise and nonlinearity, from the scatter over the realisations, shape `(f,)`;
-        None for one realisation, which does not tell.
+        None for a single realisation, which does not show it.
     - `output`: root mean square of the output on each excited line, shape `(f,)`.
     - `output_noise`: what noise contributes to it, shape `(f,)`.
     - `odd`: the `Detection` on silent odd lines: friction and other odd nonlinearities.
@@ -134,8 +134,8 @@ def best_linear_approximation(
     - `period`: samples in a period. A last period that is cut short is left out.
     - `lines`: lines that are excited, as multiples of `sample_rate / period`, or the `MultisineLines`.
     - `transient`: periods left out at the start, while the machine settles.
-    - `correct_input`: whether what the input itself holds on the silent lines is taken off the output there, times
-        the response between the neighbouring excited lines; for measured inputs and closed loops.
+    - `correct_input`: whether the input's own content on the silent lines, times the response interpolated between
+        the neighbouring excited lines, is subtracted from the output there; for measured inputs and closed loops.
 
     **Returns:** the `BLA`.
 
@@ -194,7 +194,9 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, "m n"]:
 
 
 @eqx.filter_jit
-def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array, "m p n"]]:
+def _periods(
+    u: Float[Array, "m samples"], x: Float[Array, "m samples"], period: int
+) -> tuple[Complex[Array, "m p n"], Complex[Array, "m p n"]]:
     """Fourier coefficients of each period."""
     parts = jnp.stack([u, x]).reshape(2, u.shape[0], -1, period)
     U, X = jnp.fft.rfft(parts, axis=3) / period
@@ -202,14 +204,21 @@ def _periods(u, x, period: int) -> tuple[Complex[Array, "m p n"], Complex[Array,
 
 
 @eqx.filter_jit
-def _bla(U, X, sample_rate, period: int, places: list[Int[Array, " k"]], correct_input: bool) -> BLA:
+def _bla(
+    U: Complex[Array, "m p n"],
+    X: Complex[Array, "m p n"],
+    sample_rate: Float[Array, ""],
+    period: int,
+    places: list[Int[Array, " _"]],
+    correct_input: bool,
+) -> BLA:
     excited, odd, even = places
     m, periods = U.shape[:2]
     u, x = U[:, :, excited], X[:, :, excited]
     mean_u, mean_x = jnp.mean(u, axis=1), jnp.mean(x, axis=1)
     each = mean_x / mean_u
     response = jnp.mean(each, axis=0)
-    # What a period has beyond the mean response to its own input: noise of the input is noise of the response too.
+    # The residual of a period from the mean response to its own input: input noise is noise of the response too.
     noise = _variance(x - each[:, None, :] * u) / jnp.abs(mean_u) ** 2
     total = None
     if m > 1:
@@ -244,7 +253,9 @@ def _variance(part: Complex[Array, "m p n"]) -> Float[Array, "m n"]:
     return jnp.sum(jnp.abs(off) ** 2, axis=1) / (periods * (periods - 1))
 
 
-def _between(response: Complex[Array, "m f"], excited, lines) -> Complex[Array, "m d"]:
+def _between(
+    response: Complex[Array, "m f"], excited: Int[Array, " f"], lines: Int[Array, " d"]
+) -> Complex[Array, "m d"]:
     """The response on silent `lines`, on straight lines between the excited ones."""
     right = jnp.clip(jnp.searchsorted(excited, lines), 1, excited.size - 1)
     left = right - 1
@@ -264,7 +275,7 @@ def _detection(answer: Complex[Array, "m p d"], frequency: Float[Array, " d"]) -
     noisy = total > 0.0
     safe = jnp.where(noisy, total, 1.0)
     ratio = jnp.where(noisy, jnp.sum(level) / safe, 0.0)
-    # Satterthwaite: lines of unequal noise are worth fewer. The square of an estimate of `own` degrees of freedom is
+    # Satterthwaite: lines of unequal noise count as fewer. The square of an estimate of `own` degrees of freedom is
     # too large by 1 + 1 / own.
     own = m * (periods - 1)
     worth = jnp.where(noisy, safe**2 / jnp.where(noisy, jnp.sum(noise**2) / (1.0 + 1.0 / own), 1.0), 1.0)

@@ -1,17 +1,20 @@
-"""The bristle stiffness itself: what the measured stiffness tends to as the excitation vanishes.
+"""The bristle stiffness sigma0: the limit of the measured stiffness at zero amplitude.
 
-Why the measured stiffness falls with the level, and in which powers. Near rest the bristles obey
+The measured stiffness falls with the level, in these powers. Near rest the bristles obey
 `z' = v - |v| z / z_s` with `z_s = Fs / sigma0`. In Gaussian motion `z` and `v` of one instant are independent, so the
-linear part of `|v| z` is `E|v| z` (Bussgang): to a linear eye the bristles leak at the rate `rate = E|v| / z_s`, and
+linear part of `|v| z` is `E|v| z` (Bussgang): linearised, the bristles leak at the rate `rate = E|v| / z_s`, and
 the friction `sigma0 z + sigma1 z'` is `(sigma0 + sigma1 jw) jw / (jw + rate)` times the position. Its real part, the
 stiffness, is
 
     (sigma0 - sigma1 rate) w^2 / (w^2 + rate^2) = sigma0 (1 - (sigma1 / sigma0) rate - rate^2 / w^2 + ...).
 
 The rate is proportional to the level as long as little is lost. So the first power of the level comes from the
-bristles' damping, the second from their leak, and which of them rules depends on the machine and the band. Where a
+bristles' damping, the second from their leak, and which of them dominates depends on the machine and the band. Where a
 band reaches down to the rate, the leak too goes with the first power. The damping gains `sigma0 rate / w^2`.
 """
+
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -33,7 +36,7 @@ class ZeroAmplitude(eqx.Module):
 
     **Attributes:**
 
-    - `stiffness`: its value; the standard error holds both noise and what the choice of a curve leaves open.
+    - `stiffness`: its value; the standard error includes noise and the choice of a curve.
     - `levels`: the levels, ascending, in any unit, shape `(k,)`.
     - `measured`: the stiffness measured there, shape `(k,)`.
     - `stderr`: its standard error, shape `(k,)`.
@@ -54,13 +57,17 @@ class ZeroAmplitude(eqx.Module):
     message: str = eqx.field(static=True)
     warnings: tuple[str, ...] = eqx.field(static=True)
 
-    def curve(self, levels: ArrayLike) -> Float[np.ndarray, " n"]:
-        """The fitted stiffness at `levels`, shape `(n,)`; above `highest` it is not to be trusted."""
+    def curve(self, levels: ArrayLike | Sequence[float]) -> Float[np.ndarray, " n"] | np.floating:
+        """The fitted stiffness at `levels`, shape `(n,)`; above `highest` it is an extrapolation."""
         return np.polynomial.polynomial.polyval(np.asarray(levels, float), self.coefficients)
 
 
 def extrapolate_to_zero_amplitude(
-    levels: ArrayLike, stiffness: ArrayLike, stderr: ArrayLike, *, unit: str = "force/position"
+    levels: ArrayLike | Sequence[float],
+    stiffness: ArrayLike | Sequence[float],
+    stderr: ArrayLike | Sequence[float],
+    *,
+    unit: str = "force/position",
 ) -> ZeroAmplitude:
     """Stiffness at zero amplitude from what was measured at three levels or more.
 
@@ -87,7 +94,7 @@ def extrapolate_to_zero_amplitude(
     L, y, s = _checked(levels, stiffness, stderr)
     scale_L, scale_y = L[-1], float(np.max(np.abs(y)))
     fits = _fits(L / scale_L, y / scale_y, s / scale_y)
-    # A level left out saves chi2, so no fit may be judged by errors that are too small: widen them by the best.
+    # Leaving out a level lowers chi2: standard errors that are too small would favour it. The best fit scales them.
     best = min((fit for fit in fits if fit["freedom"] > 0), key=lambda fit: fit["score"])
     wider = max(1.0, best["chi2"] / best["freedom"])
     score = np.array([fit["chi2"] / wider + 2.0 * fit["penalty"] for fit in fits])
@@ -115,7 +122,11 @@ def extrapolate_to_zero_amplitude(
     )
 
 
-def _checked(levels, stiffness, stderr):
+def _checked(
+    levels: ArrayLike | Sequence[float],
+    stiffness: ArrayLike | Sequence[float],
+    stderr: ArrayLike | Sequence[float],
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     L, y, s = (np.asarray(part, float) for part in (levels, stiffness, stderr))
     if L.ndim != 1 or not L.shape == y.shape == s.shape:
         raise InputError(
@@ -139,8 +150,10 @@ def _checked(levels, stiffness, stderr):
     return L[order], y[order], s[order]
 
 
-def _fits(L, y, s) -> list[dict]:
-    """Every form on the lowest `n` levels, for every `n` that leaves it determined and takes a level whole."""
+def _fits(
+    L: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], s: Float[np.ndarray, " k"]
+) -> list[dict[str, Any]]:
+    """Every form fitted to the lowest `n` levels, for every `n` that determines it and splits no level."""
     found = []
     for form, powers in FORMS.items():
         columns = L[:, None] ** np.array([0, *powers])
@@ -170,7 +183,7 @@ def _fits(L, y, s) -> list[dict]:
     return found
 
 
-def _message(used, L, by_form) -> str:
+def _message(used: Float[np.ndarray, " used"], L: Float[np.ndarray, " k"], by_form: dict[str, Any]) -> str:
     forms = [f"{100.0 * share:.0f} % {name}" for name, share in by_form.items() if share >= 0.05]
     return (
         f"Extrapolated from {used.size} of {L.size} measurements, at levels from {used[0]:.4g} to {used[-1]:.4g}, "
@@ -178,12 +191,14 @@ def _message(used, L, by_form) -> str:
     )
 
 
-def _warnings(value, error, y, s, wider) -> tuple[str, ...]:
+def _warnings(
+    value: float, error: float, y: Float[np.ndarray, " k"], s: Float[np.ndarray, " k"], wider: float
+) -> tuple[str, ...]:
     found = []
     if wider > 3.0:
         found.append(
-            f"the measurements scatter about the best curve with {wider:.3g} times the variance that their standard "
-            "errors promise; the error of the result is wider by as much: measure at lower levels."
+            f"the measurements scatter about the best curve with {wider:.3g} times the variance of their standard "
+            "errors; the error of the result is enlarged accordingly: measure at lower levels."
         )
     if value < y[0] - 2.0 * np.hypot(error, s[0]):
         found.append(

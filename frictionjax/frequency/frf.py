@@ -22,22 +22,22 @@ class FRF(eqx.Module):
     - `coherence`: part of the output's power that the input explains linearly, in [0, 1], shape `(nf,)`.
     - `std`: standard deviation of the magnitude of `response`, absolute, in its unit, shape `(nf,)`; that of its real
         and of its imaginary part too. Infinite where the input has no power.
-    - `averages_effective`: how many independent segments the average is worth, shape `()`.
+    - `averages_effective`: equivalent number of independent segments in the average, shape `()`.
     - `sample_rate`: samples per second, Hz, shape `()`.
-    - `bin_correlation`: how many neighbouring bins together hold as much as one independent number, shape `()`;
+    - `bin_correlation`: how many neighbouring bins have the information of one independent number, shape `()`;
         1 for bins that are independent.
     """
 
-    frequency: Float[Array, " nf"]
-    response: Complex[Array, " nf"]
-    coherence: Float[Array, " nf"]
-    std: Float[Array, " nf"]
-    averages_effective: Float[Array, ""]
-    sample_rate: Float[Array, ""]
-    bin_correlation: Float[Array, ""]
+    frequency: Float[Array, "*batch nf"]
+    response: Complex[Array, "*batch nf"]
+    coherence: Float[Array, "*batch nf"]
+    std: Float[Array, "*batch nf"]
+    averages_effective: Float[Array, "*batch"]
+    sample_rate: Float[Array, "*batch"]
+    bin_correlation: Float[Array, "*batch"]
 
     @property
-    def phase_std(self) -> Float[Array, " nf"]:
+    def phase_std(self) -> Float[Array, "*batch nf"]:
         """Standard deviation of the phase of `response`, rad, shape `(nf,)`.
 
         `std / |response|`, for a small one; infinite where there is no response.
@@ -52,9 +52,9 @@ def estimate_frf(
     sample_rate: ArrayLike,
     *,
     segment: int = 8192,
-    window: WindowName | np.ndarray = "hann",
+    window: WindowName | str | np.ndarray = "hann",
     overlap: float = 0.5,
-    detrend: Literal["constant", "linear", "none"] = "constant",
+    detrend: Literal["constant", "linear", "none"] | str = "constant",
 ) -> FRF:
     """Frequency response from input `u` to output `x` by averaging windowed segments (Welch, H1).
 
@@ -122,7 +122,7 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, " n"]:
             f"`{name}` has the shape {values.shape} and should be a single record",
             cure="Give one record of shape (n,); `jax.vmap` runs over several.",
         )
-    # While tracing there are no values to look at.
+    # Tracers have no values to check.
     if not isinstance(values, Tracer):
         bad = np.flatnonzero(~np.isfinite(np.asarray(values)))
         if bad.size:
@@ -134,20 +134,29 @@ def _checked(name: str, values: ArrayLike) -> Float[Array, " n"]:
 
 
 @eqx.filter_jit
-def _welch(u, x, sample_rate, w, step: int, detrend: str, averages, bin_correlation) -> FRF:
+def _welch(
+    u: Float[Array, " n"],
+    x: Float[Array, " n"],
+    sample_rate: Float[Array, ""],
+    w: Float[Array, " segment"],
+    step: int,
+    detrend: str,
+    averages: Float[Array, ""],
+    bin_correlation: Float[Array, ""],
+) -> FRF:
     segments = 1 + (u.size - w.size) // step
     index = step * np.arange(segments)[:, None] + np.arange(w.size)[None, :]
     U, X = (jnp.fft.rfft(_level(signal[index], detrend) * w[None, :], axis=1) for signal in (u, x))
     uu, xx = (jnp.mean(jnp.abs(S) ** 2, axis=0) for S in (U, X))
     ux = jnp.mean(jnp.conj(U) * X, axis=0)
-    # Rounding leaves about 1e-30 of the power in a line that was never excited: an answer to that is no answer.
+    # Rounding leaves about 1e-30 of the power in a line that was never excited: there is no response to that.
     driven = uu > 1e-24 * jnp.max(uu)
     safe_uu = jnp.where(driven, uu, 1.0)
     response = jnp.where(driven, ux / safe_uu.astype(ux.dtype), jnp.zeros_like(ux))
     explained = jnp.where(driven, jnp.abs(ux) ** 2 / safe_uu, 0.0)
     moved = xx > 0.0
     coherence = jnp.clip(jnp.where(moved, explained / jnp.where(moved, xx, 1.0), 0.0), 0.0, 1.0)
-    # |response|^2 (1 - coherence) / coherence, written so that a coherence of zero does no harm.
+    # |response|^2 (1 - coherence) / coherence, written so that it is finite at zero coherence.
     unexplained = jnp.maximum(xx - explained, 0.0) / safe_uu
     return FRF(
         frequency=jnp.asarray(np.arange(w.size // 2 + 1) / w.size) * sample_rate,

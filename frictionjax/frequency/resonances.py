@@ -1,4 +1,4 @@
-"""Where a machine's structure resonates, and where it holds its motor still."""
+"""Resonance and antiresonance of a machine's structure, from a frequency response."""
 
 import equinox as eqx
 import numpy as np
@@ -14,8 +14,8 @@ class Resonances(eqx.Module):
 
     **Attributes:**
 
-    - `resonance`: natural frequency of the pole pair at the strongest peak, Hz; None where the band holds no peak.
-    - `antiresonance`: natural frequency of the zero pair at the deepest dip, Hz; None where it holds no dip.
+    - `resonance`: natural frequency of the pole pair at the strongest peak, Hz; None where the band has no peak.
+    - `antiresonance`: natural frequency of the zero pair at the deepest dip, Hz; None where it has no dip.
     - `resonance_damping`: damping ratio of the pole pair.
     - `antiresonance_damping`: damping ratio of the zero pair; negative where the zeros are not of minimum phase.
     """
@@ -39,7 +39,7 @@ def resonances(
 
     - `frequency`: Hz, ascending, shape `(n,)`.
     - `response`: output unit per input unit there, shape `(n,)`; of an `FRF` or a `BLA`.
-    - `band`: lowest and highest frequency to look at, Hz; all of them without it.
+    - `band`: lowest and highest frequency to use, Hz; None: all.
 
     **Returns:** the `Resonances`.
 
@@ -86,7 +86,9 @@ def _extremum(size: Float[np.ndarray, " n"]) -> int | None:
     return best
 
 
-def _natural(f, G: Complex[np.ndarray, " n"], place: int | None) -> tuple[float | None, float | None]:
+def _natural(
+    f: Float[np.ndarray, " n"], G: Complex[np.ndarray, " n"], place: int | None
+) -> tuple[float | None, float | None]:
     """Natural frequency, Hz, and damping ratio of the poles of `G` next to the line at `place`."""
     if place is None:
         return None, None
@@ -105,5 +107,7 @@ def _natural(f, G: Complex[np.ndarray, " n"], place: int | None) -> tuple[float 
         weight /= weight.max()
     found = f[place] / np.sqrt(a2) if a2 > 0.0 else np.nan
     if not f[max(place - 2, 0)] <= found <= f[min(place + 2, f.size - 1)]:
-        return float(f[place]), None  # no pole pair beside the line: noise; the line itself is the answer
+        return float(
+            f[place]
+        ), None  # no pole pair next to the line: it is noise; return the line's own frequency
     return float(found), float(0.5 * a1 / np.sqrt(a2))

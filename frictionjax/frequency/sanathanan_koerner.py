@@ -115,7 +115,7 @@ def fit_sk(
     _check_coherence(np.asarray(frf.coherence)[inside], frf, low, high)
     frequency, response = frequency[inside], np.asarray(frf.response)[inside]
     variance, freedom = _smoothed(std[inside] ** 2, frf)
-    # Data without noise have a variance of rounding errors: no bin counts for more than nine digits.
+    # The variance of data without noise is rounding error: this limits the weight of a bin to nine digits.
     variance = variance + (1e-9 * np.abs(response)) ** 2
 
     unit_w, unit_H = 2.0 * np.pi * frequency[-1], float(np.max(np.abs(response)))
@@ -137,7 +137,7 @@ def fit_sk(
     values = scale * np.asarray(state.a)
     covariance = wider * scale[:, None] * scale[None, :] * _inverse(np.asarray(normal), count)
     names = {"force": "force", "position": "position", **(units or {})}
-    estimates = _estimates(values, covariance, fit_delay, names["force"], names["position"])
+    estimates = _estimates(values, covariance, names["force"], names["position"])
     steps, converged = int(state.steps), bool(state.converged)
     return SKResult(
         **estimates,
@@ -152,7 +152,7 @@ def fit_sk(
 
 
 def _check_coherence(coherence: Float[np.ndarray, " n"], frf: FRF, low: float, high: float) -> None:
-    """Refuse a response that two unrelated signals would show."""
+    """Refuse a response that unrelated signals would give as well."""
     # An average over n segments gives unrelated signals a coherence of 1 / n, which 1 % of the bins exceed by as much
     # as `rare`.
     n = max(float(frf.averages_effective), 1.0 + 1e-9)
@@ -178,8 +178,13 @@ def _smoothed(variance: Float[np.ndarray, " n"], frf: FRF) -> tuple[Float[np.nda
     return np.maximum(total[last] - total[first], 0.0) / (last - first), max(freedom, 6.0)
 
 
-def _padded(omega, response, weight, sample_omega) -> Lines:
-    """The bins as `Lines`, padded without weight to 256, 1024, 4096, ...: few bands are another compilation."""
+def _padded(
+    omega: Float[np.ndarray, " n"],
+    response: Complex[np.ndarray, " n"],
+    weight: Float[np.ndarray, " n"],
+    sample_omega: float,
+) -> Lines:
+    """The bins as `Lines`, padded with zero weight to 256, 1024, 4096, ...: most bands share a compilation."""
     size = 256
     while size < omega.size:
         size *= 4
@@ -205,7 +210,9 @@ def _inverse(normal: Float[np.ndarray, "4 4"], count: int) -> Float[np.ndarray, 
     return covariance
 
 
-def _estimates(values, covariance, fit_delay: bool, force: str, position: str) -> dict[str, Estimate]:
+def _estimates(
+    values: Float[np.ndarray, " 4"], covariance: Float[np.ndarray, "4 4"], force: str, position: str
+) -> dict[str, Estimate]:
     stiffness, damping, J, delay = (float(value) for value in values)
 
     def estimate(value, gradient, unit, *, positive=True):
@@ -223,7 +230,7 @@ def _estimates(values, covariance, fit_delay: bool, force: str, position: str) -
     }
     if not (stiffness > 0.0 and J > 0.0 and np.all(np.isfinite(covariance))):
         nothing = {"stderr": float("inf"), "identified": False}
-        # Nothing oscillates: a warning tells which coefficient is to blame.
+        # Nothing oscillates: a warning names the coefficient at fault.
         estimates["natural_frequency"] = Estimate(0.0, unit="Hz", **nothing)
         estimates["damping_ratio"] = Estimate(0.0, unit="1", **nothing)
         return estimates
@@ -245,14 +252,20 @@ def _message(converged: bool, steps: int, max_steps: int) -> str:
     )
 
 
-def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[str, ...]:
+def _warnings(
+    estimates: dict[str, Estimate],
+    excess: float,
+    frequency: Float[np.ndarray, " n"],
+    frf: FRF,
+    converged: bool,
+) -> tuple[str, ...]:
     found = []
     if all(estimates[name].value < 0.0 for name in ("J", "stiffness", "damping")):
         found.append(
             "negative J, stiffness and damping: the output has the opposite sign; give `motor_constant` the other sign."
         )
     cures = {
-        "J": "the band ends before inertia shows, or the data hold a delay that the model has not; extend `band` "
+        "J": "the band ends before inertia shows, or the data have a delay that the model lacks; extend `band` "
         "upwards, or set fit_delay=True.",
         "stiffness": "the band begins above the resonance, or the machine slid; extend `band` downwards, or excite "
         "well below break-away.",
@@ -271,13 +284,13 @@ def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[
     if fn > 0.0 and not frequency[0] <= fn <= frequency[-1]:
         found.append(
             f"the resonance at {fn:.4g} Hz lies outside the band from {frequency[0]:.4g} to {frequency[-1]:.4g} Hz: "
-            "one of inertia and stiffness rests on the model alone."
+            "inertia or stiffness is an extrapolation of the model."
         )
     # Five standard errors of a mean over this many independent numbers, beyond one half of allowance.
     if excess > 1.5 + 5.0 * np.sqrt(float(frf.bin_correlation) / frequency.size):
         found.append(
             f"misfit: the residual has {excess:.3g} times the power that the coherence allows, so the response is not "
-            "of second order in this band; excite less (friction is not linear), narrow `band`, or look for a delay "
+            "of second order in this band; excite less (friction is not linear), narrow `band`, or check for a delay "
             "or a second resonance."
         )
     if float(frf.averages_effective) < 4.0:
@@ -286,5 +299,5 @@ def _warnings(estimates, excess, frequency, frf: FRF, converged: bool) -> tuple[
             "errors are rough; choose a shorter `segment`."
         )
     if not converged:
-        found.append("the iteration did not converge: the numbers are where it stopped.")
+        found.append("the iteration did not converge: the numbers are those of its last step.")
     return tuple(found)

@@ -35,7 +35,7 @@ class Lines(NamedTuple):
 
 
 class Iteration(NamedTuple):
-    """Where an iteration stands.
+    """The state of an iteration.
 
     **Attributes:**
 
@@ -43,7 +43,7 @@ class Iteration(NamedTuple):
     - `cost`: sum of squares of the weighted residuals, shape `()`.
     - `history`: root of the cost after each step, the start first, NaN where no step was made, `(max_steps + 1,)`.
     - `steps`: how many steps were made, shape `()`.
-    - `stopped`: whether there is nothing more to gain, shape `()`.
+    - `stopped`: whether no step lowers the cost any more, shape `()`.
     - `converged`: whether it stopped because the last proposal was within a fraction of the standard errors.
     """
 
@@ -84,21 +84,23 @@ def sampled_response(a: Float[Array, " 4"], lines: Lines, hold: bool) -> Complex
         return delay / denominator(a, omega)
     m = jnp.arange(-IMAGES, IMAGES + 1.0)[:, None]
     images = omega[None, :] + m * lines.sample_omega
-    # At zero frequency the term itself is 0 / 0, and one.
+    # At zero frequency the term is 0 / 0, with the limit one.
     share = jnp.where(m == 0.0, 1.0, omega[None, :] / jnp.where(m == 0.0, 1.0, images))
     part = omega / lines.sample_omega
     zoh = _complex(jnp.sinc(part)) * _turn(-jnp.pi * part)
-    # A delay turns each image by its own frequency; what they have in common stands outside the sum.
+    # A delay turns each image by its own frequency; the common factor stands outside the sum.
     turned = _complex(share) * _turn(-m * lines.sample_omega * a[3])
     return zoh * delay * jnp.sum(turned / denominator(a, images), axis=0)
 
 
-def _cost(a, lines, hold):
+def _cost(a: Float[Array, " 4"], lines: Lines, hold: bool) -> Float[Array, ""]:
     total = jnp.sum(lines.weight**2 * jnp.abs(lines.response - sampled_response(a, lines, hold)) ** 2)
     return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
 
-def _least_squares(columns: Complex[Array, "n p"], target: Complex[Array, " n"]):
+def _least_squares(
+    columns: Complex[Array, "n p"], target: Complex[Array, " n"]
+) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     """Real solution of `columns @ p = target`, and the normal matrix."""
     normal = jnp.real(jnp.conj(columns).T @ columns)
     size = jnp.sqrt(jnp.diag(normal))
@@ -112,7 +114,12 @@ def _widen(part: Float[Array, " p"]) -> Float[Array, " 4"]:
     return jnp.concatenate([part, jnp.zeros(4 - part.size)])
 
 
-def _levy(response, weight, omega, D=None) -> Float[Array, " p"]:
+def _levy(
+    response: Complex[Array, " n"],
+    weight: Float[Array, " n"],
+    omega: Float[Array, " n"],
+    D: Complex[Array, " n"] | None = None,
+) -> Float[Array, " p"]:
     """Solution of `weight (response (a0 + a1 s + a2 s^2) - 1) = 0`, with the change of delay last where `D` is given.
 
     A response that lags by a further `T` fits when it is multiplied by `exp(s T)`: to first order, one more term
@@ -138,10 +145,12 @@ def start(lines: Lines, delay: Float[Array, ""], hold: bool) -> Float[Array, " 4
     return jnp.append(_levy(response, lines.weight * jnp.abs(lines.response), lines.omega), delay)
 
 
-def _sanathanan_koerner(a, lines, hold, fit_delay):
-    """The linear solution weighted by the denominator `D` at `a`; also its length, which is not known here."""
+def _sanathanan_koerner(
+    a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
+) -> tuple[Float[Array, " 4"], Float[Array, ""]]:
+    """The linear solution weighted by the denominator `D` at `a`; and infinity for its length, which is unknown."""
     D = denominator(a, lines.omega)
-    # What sampling, holding and the delay make of 1 / D: taken off the data, at the present coefficients.
+    # The factor of sampling, holding and the delay on 1 / D: removed from the data, at the present coefficients.
     sampling = sampled_response(a, lines, hold) * D
     response = lines.response / sampling
     weight = lines.weight * jnp.abs(sampling / D)
@@ -159,15 +168,23 @@ def sensitivity(a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
     return _complex(lines.weight)[:, None] * columns[:, : 4 if fit_delay else 3]
 
 
-def _gauss_newton(a, lines, hold, fit_delay):
+def _gauss_newton(
+    a: Float[Array, " 4"], lines: Lines, hold: bool, fit_delay: bool
+) -> tuple[Float[Array, " 4"], Float[Array, ""]]:
     """The step to the least sum of squares of the linearised residuals, and its length in standard errors, squared."""
     residual = _complex(lines.weight) * (lines.response - sampled_response(a, lines, hold))
     step, normal = _least_squares(sensitivity(a, lines, hold, fit_delay), residual)
     return a + _widen(step), step @ normal @ step
 
 
-def _descend(propose: Callable, state: Iteration, cost: Callable, enough: float, freedom) -> Iteration:
-    """Take convex combinations of the coefficients and those proposed for as long as the cost falls.
+def _descend(
+    propose: Callable[[Float[Array, " 4"]], tuple[Float[Array, " 4"], Float[Array, ""]]],
+    state: Iteration,
+    cost: Callable[[Float[Array, " 4"]], Float[Array, ""]],
+    enough: float,
+    freedom: Float[Array, ""],
+) -> Iteration:
+    """Take convex combinations of the coefficients and those proposed while the cost falls.
 
     A step is the best of the whole proposal, its half, its quarter and so on. It ends where none is better, where
     the cost falls by less than the part `enough`, or where the proposal is below 1e-4 standard errors.
@@ -181,9 +198,9 @@ def _descend(propose: Callable, state: Iteration, cost: Callable, enough: float,
         better = costs[best] < state.cost
         new_cost = jnp.where(better, costs[best], state.cost)
         steps = state.steps + 1
-        # Misfit widens the standard errors: lengths are judged by what the residuals are, not by what they should be.
+        # Misfit enlarges the standard errors: lengths are measured by the actual residuals, not by the expected ones.
         length = length / jnp.maximum(1.0, state.cost / freedom)
-        # Where rounding lets the cost fall no more, a proposal that is still small is as good as none.
+        # Where rounding keeps the cost from falling, a small proposal counts as converged.
         converged = (length < 1e-8) | (~better & (length < 1e-4))
         return Iteration(
             jnp.where(better, tried[best], state.a),
@@ -211,9 +228,9 @@ def iterate(
     """Fit the coefficients to the measured response.
 
     First the iteration of Sanathanan and Koerner (1963), which needs no starting values, with steps shortened as in
-    the paper's "convex combination steps"; when it no longer pays, steps of Gauss and Newton on the weighted
+    the paper's "convex combination steps"; when it gains no more, steps of Gauss and Newton on the weighted
     residuals themselves. The first alone has the measured response, noise included, among its regressors, and ends
-    beside the least squares; the second removes that bias.
+    off the least-squares solution; the second removes that bias.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Windows, and how much independent information their overlapping segments hold."""
+"""Windows, and the equivalent number of independent averages of overlapping segments."""
 
 from typing import Literal, NamedTuple
 
@@ -12,7 +12,7 @@ WindowName = Literal["hann", "hamming", "blackman", "boxcar"]
 _COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "boxcar": (1.0,)}
 
 
-def window_values(window: WindowName | np.ndarray, segment: int) -> Float[np.ndarray, " segment"]:
+def window_values(window: WindowName | str | np.ndarray, segment: int) -> Float[np.ndarray, " segment"]:
     """A periodic window `w_k = sum_i (-1)^i a_i cos(2 pi i k / segment)`.
 
     **Arguments:**
@@ -47,7 +47,7 @@ class Averaging(NamedTuple):
 
     - `segments`: number of segments.
     - `effective`: number of independent segments that would leave the same variance in one bin.
-    - `bin_correlation`: number of neighbouring bins that hold together as much as one independent bin.
+    - `bin_correlation`: number of neighbouring bins with the information of one independent bin.
     """
 
     segments: int

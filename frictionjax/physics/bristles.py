@@ -21,7 +21,7 @@ class Bristles(eqx.Module):
 
     @property
     def lugre(self) -> Bool[Array, " n"]:
-        """Which element is LuGre's."""
+        """True for LuGre's element."""
         return jnp.arange(self.share.shape[-1]) == 0
 
     def limit(self, level: Float[Array, ""], sigma0: Float[Array, ""]) -> Float[Array, " n"]:
@@ -31,12 +31,12 @@ class Bristles(eqx.Module):
         return level * self.slack / sigma0
 
     def cut(self, z: Float[Array, " m"], limit: Float[Array, " m"]) -> Float[Array, " m"]:
-        """Deflections `z` of elasto-slip elements, cut at their `limit`; position units, shape `(m,)`."""
-        # Cheaper than a clip, and so is its derivative, in the innermost loop of everything.
+        """Deflections `z` of elasto-slip elements, clipped to their `limit`; position units, shape `(m,)`."""
+        # In the innermost loop: cheaper than a clip, and so is its derivative.
         return jnp.where(jnp.abs(z) < limit, z, jnp.where(z > 0.0, limit, -limit))
 
     def within(self, z: Float[Array, " n"], limit: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Deflections `z`, those of elasto-slip elements cut at their `limit`; LuGre's bristle finds its way by (2)."""
+        """Deflections `z`, with those of elasto-slip elements clipped to their `limit`; LuGre's bristle follows (2)."""
         return jnp.where(self.lugre, z, jnp.clip(z, -limit, limit))
 
     def rate(
@@ -53,8 +53,8 @@ class Bristles(eqx.Module):
 
         **Arguments:**
 
-        - `v`: velocity that the bristles see, position/s.
-        - `fast`: velocity with which LuGre's slips, position/s: the same but where something in series creeps.
+        - `v`: velocity of the bristles, position/s.
+        - `fast`: velocity at which LuGre's slips, position/s: the same unless an element in series creeps.
         - `bend`: force of LuGre's bristle over the friction level G, sigma0 z/G; scalar, or one per element.
         - `stick`: velocity of the elasto-slip elements, or its mean over a step in which they yield, position/s.
         """
@@ -62,7 +62,7 @@ class Bristles(eqx.Module):
 
 
 def bristles_of(effects: tuple[AbstractEffect, ...]) -> Bristles:
-    """The bank that `effects` make of the single bristle."""
+    """The bank of bristles with `effects`."""
     share, slack = [], []
     for effect in effects:
         if isinstance(effect, AbstractBristleEffect):

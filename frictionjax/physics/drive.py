@@ -1,5 +1,6 @@
-"""The plant: inertia, motor, friction and whatever effects are added to them."""
+"""The plant: inertia, motor, friction and effects."""
 
+from collections.abc import Iterator
 from typing import TypeGuard
 
 import equinox as eqx
@@ -31,7 +32,7 @@ _LEAST_LEVEL = 0.01  # over Coulomb friction
 
 
 class Drive(eqx.Module):
-    """A machine that moves: J x'' = motor_constant u - F - effects, equation (5).
+    """A servo drive: J x'' = motor_constant u - F - effects, equation (5).
 
     **Arguments:**
 
@@ -47,7 +48,7 @@ class Drive(eqx.Module):
     effects: tuple[AbstractEffect, ...] = ()
 
     def with_effects(self, *effects: AbstractEffect) -> "Drive":
-        """The same machine with `effects` added to those it has."""
+        """The same drive with further `effects`."""
         return Drive(self.J, self.friction, self.motor_constant, (*self.effects, *effects))
 
     def _has(self, slot: type[AbstractEffect]) -> bool:
@@ -64,7 +65,7 @@ class Drive(eqx.Module):
 
     def applied_force(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
         """Motor force, shape `(n,)`, held over each sample of `dt` s, for the recorded input `u` of shape `(n,)`; a
-        `Push` where an effect lets it change within a sample. What comes after such an effect acts on the mean."""
+        `Push` where an effect changes it within a sample. Later effects act on the mean."""
         rises = []
         for effect in self.effects:
             if isinstance(effect, AbstractInputEffect):
@@ -75,27 +76,29 @@ class Drive(eqx.Module):
         force = self.motor_constant * u
         return Push(force, self.motor_constant * sum(rises)) if rises else force
 
-    def seen(self, x: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " m"]) -> Float[Array, ""]:
-        """What the position sensor shows at position `x` and `t` s after the first sample, with the states `hidden` of
+    def measured(
+        self, x: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " m"]
+    ) -> Float[Array, ""]:
+        """Output of the position sensor at position `x` and `t` s after the first sample, with the states `hidden` of
         effects, shape `(m,)`."""
         for effect, own in self._own_states(hidden):
             if isinstance(effect, AbstractSensorEffect):
-                x = effect.seen(x, t, own)
+                x = effect.measured(x, t, own)
         return x
 
     @property
-    def sensor_remembers(self) -> bool:
-        """Whether what the sensor shows depends on the motion before."""
-        return any(_remembers(effect) for effect in self.effects)
+    def sensor_has_states(self) -> bool:
+        """Whether the sensor's output depends on past motion, through states of its own."""
+        return any(_is_sensor_with_states(effect) for effect in self.effects)
 
     def sensor_states(self, v: Float[Array, ""]) -> Float[Array, " m"]:
-        """What the states `hidden` of effects of the sensor come to at a steady velocity `v`, shape `(m,)`; zero for
-        all others."""
+        """Steady states of the effects of the sensor at a constant velocity `v`, as `hidden` states of shape `(m,)`;
+        zero for all others."""
         hidden = jnp.zeros(self.hidden_count)
         first = 0
-        for effect, own in self._own(self.instant(jnp.zeros_like(v), v, hidden=hidden)):
+        for effect, own in self._with_own_states(self.instant(jnp.zeros_like(v), v, hidden=hidden)):
             count = own.hidden.shape[0]
-            if _remembers(effect):
+            if _is_sensor_with_states(effect):
                 source, rate = effect.relax(self.friction, own)
                 hidden = hidden.at[first : first + count].set(source / rate)
             first += count
@@ -103,7 +106,7 @@ class Drive(eqx.Module):
 
     @property
     def state_count(self) -> int:
-        """Number of states that effects add to position, velocity and bristles, without those of a second inertia."""
+        """Number of states that effects add, without those of a second inertia."""
         return sum(effect.states for effect in self.effects if isinstance(effect, AbstractStateEffect))
 
     @property
@@ -135,16 +138,18 @@ class Drive(eqx.Module):
         states = jnp.zeros(self.hidden_count) if hidden is None else hidden
         return Now(x, v, jnp.asarray(push), jnp.asarray(spring), states)
 
-    def _own_states(self, hidden: Float[Array, " m"]):
-        """Every effect with its own states alone."""
+    def _own_states(
+        self, hidden: Float[Array, " m"]
+    ) -> Iterator[tuple[AbstractEffect, Float[Array, " own"]]]:
+        """Every effect with its own states."""
         first = 0
         for effect in self.effects:
             count = effect.states if isinstance(effect, AbstractStateEffect) else 0
             yield effect, hidden[first : first + count]
             first += count
 
-    def _own(self, now: Now):
-        """Every effect with a `Now` that holds its own states alone."""
+    def _with_own_states(self, now: Now) -> Iterator[tuple[AbstractEffect, Now]]:
+        """Every effect with a `Now` of its own states."""
         for effect, hidden in self._own_states(now.hidden):
             yield effect, Now(now.x, now.v, now.push, now.spring, hidden)
 
@@ -156,15 +161,15 @@ class Drive(eqx.Module):
     def level_at(self, now: Now) -> Float[Array, ""]:
         """Steady-state friction level G without viscous part, force, for what is `now`."""
         level = self.friction.level(now.v)
-        for effect, own in self._own(now):
+        for effect, own in self._with_own_states(now):
             if isinstance(effect, AbstractLevelEffect):
-                # Strengths that are admissible one by one may together ask for friction that pushes.
+                # Strengths that are admissible one by one may together make the friction negative.
                 level = jnp.maximum(effect.level(level, self.friction, own), _LEAST_LEVEL * self.friction.Fc)
         return level
 
     def spring_force(self, z: Float[Array, ""]) -> Float[Array, ""]:
-        """Force of LuGre's bristle, as if it carried all the stiffness, at deflection `z`: sigma0 z and what effects
-        make of it."""
+        """Force of LuGre's bristle at deflection `z`, as if it carried all the stiffness: sigma0 z as modified by
+        effects."""
         force = self.friction.sigma0 * z
         for effect in self.effects:
             if isinstance(effect, AbstractSpringEffect):
@@ -173,12 +178,12 @@ class Drive(eqx.Module):
 
     @property
     def has_slip_effects(self) -> bool:
-        """Whether LuGre's bristle slips by a law of its own."""
+        """Whether an effect changes the slip of LuGre's bristle."""
         return self._has(AbstractSlipEffect)
 
     def slip(self, bend: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
-        """What LuGre's bristle loses of its velocity, over |v|: its force over the level, `bend`, and what effects make
-        of that where it slips with `v`."""
+        """Slip velocity of LuGre's bristle over |v|: `bend`, its force over the level, as modified by effects when it
+        slips with `v`."""
         for effect in self.effects:
             if isinstance(effect, AbstractSlipEffect):
                 bend = effect.slip(bend, sign(v))
@@ -193,17 +198,17 @@ class Drive(eqx.Module):
         return damping
 
     def bristle_speed(self, now: Now) -> Float[Array, ""]:
-        """Velocity that the bristles see, position/s, for what is `now`."""
+        """Velocity of the bristles, position/s, for what is `now`."""
         speed = now.v
-        for effect, own in self._own(now):
+        for effect, own in self._with_own_states(now):
             if isinstance(effect, AbstractCreepEffect):
                 speed = speed - effect.bristle_speed(self.friction, own)
         return speed
 
     def slip_speed(self, now: Now) -> Float[Array, ""]:
-        """Velocity with which LuGre's bristle slips, position/s, for what is `now`."""
+        """Velocity at which LuGre's bristle slips, position/s, for what is `now`."""
         speed = now.v
-        for effect, own in self._own(now):
+        for effect, own in self._with_own_states(now):
             if isinstance(effect, AbstractCreepEffect):
                 speed = speed - effect.slip_speed(self.friction, own)
         return speed
@@ -212,17 +217,17 @@ class Drive(eqx.Module):
         """Source and rate (1/s) of the states of effects, h' = source - rate h, shape `(m,)`, for what is `now`."""
         parts = [
             effect.relax(self.friction, own)
-            for effect, own in self._own(now)
+            for effect, own in self._with_own_states(now)
             if isinstance(effect, AbstractStateEffect)
         ]
         if not parts:
             return jnp.zeros(0), jnp.zeros(0)
         return jnp.concatenate([part[0] for part in parts]), jnp.concatenate([part[1] for part in parts])
 
-    def first_states(self, before: Before) -> Float[Array, " m"]:
+    def initial_states(self, before: Before) -> Float[Array, " m"]:
         """States of effects and of a second inertia at the first sample of a recording, given what was `before`."""
         parts = [
-            effect.begin(self.friction, before)
+            effect.initial_states(self.friction, before)
             for effect in self.effects
             if isinstance(effect, AbstractStateEffect)
         ]
@@ -230,13 +235,13 @@ class Drive(eqx.Module):
 
     @property
     def has_force_effects(self) -> bool:
-        """Whether a force stands beside the friction."""
+        """Whether an effect adds a force to the friction."""
         return self._has(AbstractForceEffect)
 
     def parallel_force(self, now: Now) -> Float[Array, ""]:
-        """Opposing force beside the bristles for what is `now`: viscous friction and the force effects."""
+        """Opposing force parallel to the bristles for what is `now`: viscous friction and the force effects."""
         force = self.friction.sigma2 * now.v
-        for effect, own in self._own(now):
+        for effect, own in self._with_own_states(now):
             if isinstance(effect, AbstractForceEffect):
                 force = force + effect.force(self.friction, own)
         return force
@@ -289,5 +294,5 @@ class Drive(eqx.Module):
         return self.opposing_force(bristles, now, z, rate), rate
 
 
-def _remembers(effect: AbstractEffect) -> TypeGuard[AbstractStateEffect]:
+def _is_sensor_with_states(effect: AbstractEffect) -> TypeGuard[AbstractStateEffect]:
     return isinstance(effect, AbstractSensorEffect) and isinstance(effect, AbstractStateEffect)

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -29,14 +29,14 @@ class Linearization(eqx.Module):
     damping: Float[Array, ""]
     natural_frequency: Float[Array, ""]
     damping_ratio: Float[Array, ""]
-    unique: Float[Array, ""]
+    unique: Bool[Array, ""]
 
 
 def linearize(
-    drive: Drive, *, x: float | Float[Array, ""] = 0.0, z: float | Float[Array, " n"] = 0.0
+    drive: Drive, *, x: Real[ArrayLike, ""] = 0.0, z: Real[ArrayLike, ""] | Real[ArrayLike, " n"] = 0.0
 ) -> Linearization:
-    """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are held: what is told is how the
-    machine answers at once.
+    """Linearise the drive at rest (v = 0). States of slow effects, such as creep, are constant: the result is the
+    instantaneous response.
 
     **Arguments:**
 
@@ -57,7 +57,7 @@ def linearize(
 
 
 @eqx.filter_jit
-def _linearize(drive, x, z):
+def _linearize(drive: Drive, x: Float[Array, ""], z: Float[Array, ""] | Float[Array, " n"]) -> Linearization:
     bristles = drive.bristles()
     deflection = jnp.broadcast_to(z, (drive.bristle_count,))
 
@@ -65,7 +65,7 @@ def _linearize(drive, x, z):
         def field(state):
             position, speed, elements = state[0], state[1], state[2:]
             # |v| = direction * v on this side of rest: an exact one-sided derivative, nothing is smoothed.
-            # An element at its yield slips when the motion goes on, and sticks when it turns back.
+            # An element at its yield slips when the motion continues, and sticks when it reverses.
             level = drive.level(position, direction * 1e-300 + 0.0 * speed)
             sigma0 = drive.friction.sigma0
             sticks = jnp.where(direction * elements < bristles.limit(level, sigma0), direction, 0.0)

@@ -45,7 +45,7 @@ class LuGre(eqx.Module):
         Parameter("vs", "{position}/s", "Stribeck velocity", "log"),
     )
 
-    def level(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
+    def level(self, v: Float[Array, "..."] | float) -> Float[Array, "..."]:
         """Steady-state friction level G(v) without viscous part, force; even in the velocity `v` (position/s)."""
         ratio = v * (1.0 / self.vs)
         return self.Fc + (self.Fs - self.Fc) * jnp.exp(-ratio * ratio)

@@ -1,8 +1,8 @@
 """Nonparametric models of a missing force: what remains when no effect of the catalogue explains it.
 
-A piecewise linear function of one variable, twelve heights over evenly spaced knots, zero at the base model. Which
-variable carries the mismatch is for the data to say. They are effects like any other, but no member of the catalogue:
-they predict, and do not name.
+A piecewise linear function of one variable, twelve heights over evenly spaced knots, zero at the base model. The data
+select the variable. The maps are effects like any other, but not in the catalogue: they predict the force without
+naming its cause.
 """
 
 from typing import ClassVar
@@ -36,7 +36,7 @@ def _heights(unit: str, scale: float | str, lower: float = -float("inf")) -> tup
 
 
 def _range(symbol: str, unit: str, center: str, half: str) -> tuple[Parameter, ...]:
-    """The stretch that the knots cover; `center` and `half` name sizes of the plant."""
+    """The range of the knots; `center` and `half` name sizes of the plant."""
     return (
         Parameter("middle", unit, f"middle of the {symbol}", "none", scale=center, grid=(1.0,)),
         Parameter("half", unit, f"half the range of the {symbol}", "none", scale=half, grid=(1.0,)),
@@ -145,4 +145,4 @@ MAPS: dict[str, type[AbstractMap]] = {
     "bristle state": BristleForceMap,
     "input": InputMap,
 }
-"""What may carry the residual force -> the class."""
+"""Variable of the residual force -> the class."""

@@ -1,7 +1,11 @@
-"""Waves: what is periodic in position, or in time."""
+"""Waves: periodic functions of position or time, and the fields of the effects that are such waves."""
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from frictionjax.core import Parameter
+from frictionjax.core.safe import real
 
 Parts = tuple[Float[Array, "..."], Float[Array, "..."]]
 """Sine and cosine part of a wave."""
@@ -10,7 +14,7 @@ Parts = tuple[Float[Array, "..."], Float[Array, "..."]]
 def wave(turns: Float[Array, "..."], *parts: Parts) -> Float[Array, "..."]:
     """Sum of sine_k sin(2 pi k turns) + cosine_k cos(2 pi k turns) over the `parts` (sine_k, cosine_k), k = 1, 2, ...
 
-    **Arguments:** `turns`: how many periods of the first one it is to here.
+    **Arguments:** `turns`: the argument in periods of the first one.
     """
     angle = 2.0 * jnp.pi * turns
     terms = [
@@ -18,3 +22,70 @@ def wave(turns: Float[Array, "..."], *parts: Parts) -> Float[Array, "..."]:
         for k, (sine, cosine) in enumerate(parts, start=1)
     ]
     return sum(terms[1:], terms[0])
+
+
+class AbstractWave(eqx.Module):
+    """An effect that is a wave along the position.
+
+    **Arguments:** `sine`, `cosine`: parts of the wave; `period`: position units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    def wave(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Height of the wave at position `x`."""
+        return wave(x / self.period, (self.sine, self.cosine))
+
+
+class AbstractWaveWithOvertone(eqx.Module):
+    """An effect that is a wave along the position with a second harmonic.
+
+    **Arguments:** `sine`, `cosine`: parts of the wave; `sine2`, `cosine2`: those at half the period; `period`: position
+    units.
+    """
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    def wave(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Height of the wave at position `x`."""
+        return wave(x / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))
+
+
+def wave_strengths(
+    unit: str,
+    meaning: str,
+    *,
+    scale: float | str = 1.0,
+    limit: float = float("inf"),
+    probe: float = 0.02,
+    overtone: bool = False,
+) -> tuple[Parameter, ...]:
+    """The strengths of a wave: `sine` and `cosine`, and with an `overtone` `sine2` and `cosine2` as well.
+
+    **Arguments:**
+
+    - `unit`, `scale`: as in `Parameter`.
+    - `meaning`: of a part, such as "amplitude".
+    - `limit`: largest absolute value of a part.
+    - `probe`: the finite step at which a part is tried, in units of `scale`.
+    """
+    harmonics = (("", ""), ("2", " at half the period")) if overtone else (("", ""),)
+    return tuple(
+        Parameter(
+            f"{part}{number}",
+            unit,
+            f"{part} {meaning}{where}",
+            scale=scale,
+            lower=-limit,
+            upper=limit,
+            probes=(probe,),
+        )
+        for number, where in harmonics
+        for part in ("sine", "cosine")
+    )

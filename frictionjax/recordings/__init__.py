@@ -1,4 +1,4 @@
-"""What was measured: recordings, cases, the readers of files and the audit of what they hold."""
+"""What was measured: recordings, cases, the readers of files and the audit of their content."""
 
 from frictionjax.recordings.audit import Audit as Audit
 from frictionjax.recordings.audit import audit as audit

@@ -1,4 +1,4 @@
-"""The audit of a recording: what may be trusted in it, and which regimes it visits."""
+"""The audit of a recording: the quality of its channels, and the regimes of friction it visits."""
 
 import math
 from typing import Any
@@ -13,7 +13,7 @@ from frictionjax.recordings.regimes import Regimes, find_regimes
 from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
 
 _CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
-_SLOW = 20.0  # Hz; a slower recording of a servo is more likely one whose time is in ms
+_SLOW = 20.0  # Hz; below this, the time column of a servo's recording is more likely in ms
 _PROCESSING = {
     "held": "x repeats each value: the sensor is slower than the sample rate, and short times carry no information",
     "interpolated": "x runs in straight lines between samples: it was interpolated before it was stored, "
@@ -24,7 +24,7 @@ _PROCESSING = {
 
 
 class Audit(eqx.Module):
-    """What a recording holds, told without a model.
+    """What a recording contains, found without a model.
 
     **Attributes:**
 
@@ -37,8 +37,8 @@ class Audit(eqx.Module):
     - `noise_std`: standard deviation of the white noise of x, quantisation included, position units.
     - `encoder_step`: quantum of x as the data show it, position units; None when x lies on no grid.
     - `declared_step`: the plant's encoder step, position units; None when it is unknown.
-    - `on_declared_grid`: part of the differences of x that are whole declared steps; NaN when x cannot tell, None when
-      no step is declared.
+    - `on_declared_grid`: part of the differences of x that are whole declared steps; NaN when x moves too little,
+      None when no step is declared.
     - `processing`: `"held"`, `"interpolated"`, `"smooth"` or `""`: traces of earlier processing of x.
     - `regimes`: rest, presliding and sliding.
     - `position_unit`: for the sentences.
@@ -65,7 +65,7 @@ class Audit(eqx.Module):
         return plain_json(self)
 
     def sentences(self) -> tuple[str, ...]:
-        """Everything the audit found, as sentences, what needs attention last."""
+        """All findings of the audit as sentences, those that need attention last."""
         unit, r = self.position_unit, self.regimes
         grid = (
             "x lies on no grid"
@@ -83,12 +83,12 @@ class Audit(eqx.Module):
         )
 
     def concerns(self) -> tuple[str, ...]:
-        """The findings that whoever reads a result from this recording must know, as sentences."""
+        """The findings that limit what this recording can show, as sentences."""
         found = []
         if self.sampling.resampled:
             found.append(self.sampling_sentence())
         found += [f"{name} has {_count(count, 'value')} that {'is' if count == 1 else 'are'} not a number; "
-                  "the audit passed over them." for name, count in self.not_finite.items()]  # fmt: skip
+                  "the audit left them out." for name, count in self.not_finite.items()]  # fmt: skip
         if self.sample_rate < _SLOW:
             found.append(f"{self.sample_rate:.4g} samples a second are few: is the time column in seconds?")
         found += [f"{name} never changes." for name in self.constant]
@@ -105,7 +105,7 @@ class Audit(eqx.Module):
         return tuple(found)
 
     def sampling_sentence(self) -> str:
-        """What the time stamps were like and what was done about it; empty when they were uniform."""
+        """How the time stamps deviated from uniform, and how that was corrected; empty when they were uniform."""
         s = self.sampling
         if not s.resampled:
             return ""
@@ -145,13 +145,13 @@ class Audit(eqx.Module):
 
 
 def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = None) -> Audit:
-    """Look at a recording before anything is fitted to it.
+    """Examine a recording before anything is fitted to it.
 
     **Arguments:**
 
     - `recording`: the recording; values that are not finite are bridged for the estimates and counted.
     - `plant`: its units and the encoder step to compare with.
-    - `gross_travel`: travel since a reversal that counts as sliding, position units; found from the data when absent.
+    - `gross_travel`: travel since a reversal that counts as sliding, position units; found from the data when None.
 
     **Returns:** the `Audit`.
     """
@@ -189,7 +189,7 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
 
 
 def _bridged(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """The channel with straight lines over what is not finite (zeros when nothing is)."""
+    """The channel, interpolated over values that are not finite (zeros when none is finite)."""
     good = np.isfinite(values)
     if good.all() or not good.any():
         return values if good.all() else np.zeros_like(values)

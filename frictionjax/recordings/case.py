@@ -27,9 +27,9 @@ def load_case(path: str | Path) -> Case:
 
     **Arguments:**
 
-    - `path`: the case file, TOML as in the contract.
+    - `path`: the case file, TOML.
 
-    **Returns:** the `Case`; what the audit found stands in each recording's `warnings`.
+    **Returns:** the `Case`; each recording's `warnings` contain what the audit found.
 
     **Raises:** `InputError`, one line with file, place and cure, for anything wrong in the case file or in a
     recording. Warns with `FrictionjaxWarning` for every recording that had to be resampled.
@@ -66,8 +66,8 @@ def case_from_files(
     **Arguments:**
 
     - `files`: one file or several, to fit.
-    - `holdout`: one file or several, kept aside for the judgement. Of a single file without any, the last third is kept
-      aside, with a warning.
+    - `holdout`: one file or several, held out for validation. Of a single file without any, the last third is held
+      out, with a warning.
     - `motor_constant`: force or torque per input unit; absent: every force is per input unit.
     - `sample_rate`: Hz, for files without a time column.
     - `name`: the case's name; absent: that of the first file.
@@ -141,8 +141,8 @@ def _toml(path: Path, source: str) -> dict[str, Any]:
 
 
 def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, judged: bool = True) -> Case:
-    """The case from its keys; `folder` is where relative paths begin, `judged` whether a recording must be kept
-    aside."""
+    """The case from its keys; `folder` is where relative paths begin, `judged` whether a recording must be held
+    out."""
     name = text(table, "name", spot) if "name" in table else fallback
     plant_table = table.get("plant", {})
     if not isinstance(plant_table, dict):
@@ -163,7 +163,7 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, ju
 
 
 def _entries(table: dict[str, Any], spot: Spot, judged: bool) -> list[Entry]:
-    """The checked recordings' keys, some to fit and, when they are `judged`, some kept aside."""
+    """The checked recordings' keys, some to fit and, when they are `judged`, some held out."""
     tables = table.get("recording", [])
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         spot.fail("recordings are a list of tables", "recording", "Write [[recording]] with double brackets")
@@ -189,7 +189,7 @@ def _entries(table: dict[str, Any], spot: Spot, judged: bool) -> list[Entry]:
             else "Name at least one file as holdout"
         )
         spot.fail(
-            "no recording is kept aside: a model can only be judged on data that the fit has never seen",
+            "no recording is held out: a model can only be validated on data that it was not fitted to",
             cure=cure,
         )
     return entries
@@ -213,7 +213,7 @@ def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
             if max(a, c) < min(b, d):
                 kept.spot.fail(
                     f'the holdout shares samples of "{shown(kept.file)}" with a recording to fit, '
-                    "so it could not judge",
+                    "so it cannot validate",
                     "interval" if kept.interval else "file",
                     "Use another file, or give both an interval, such that they do not overlap",
                 )
@@ -226,14 +226,14 @@ def _require_originals(recordings: list[Recording], entries: list[Entry]) -> Non
             if kept.role == "holdout" and other.role == "fit" and np.array_equal(kept.x, other.x):
                 entry.spot.fail(
                     f'the holdout "{shown(kept.name)}" holds the same positions as "{shown(other.name)}", '
-                    "so it could not judge",
+                    "so it cannot validate",
                     "file",
-                    "Keep another recording aside",
+                    "Hold out another recording",
                 )
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """A name not taken yet, letter case aside: results are stored in files of these names."""
+    """A name not taken yet, whatever its letter case: results are stored in files of these names."""
     folded = {other.casefold() for other in taken}
     candidate, number = name, 1
     while candidate.casefold() in folded:

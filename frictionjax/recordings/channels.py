@@ -19,7 +19,7 @@ _OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply")
 # The rate written in the case and the one in the time stamps may differ by a clock's error, not by more.
 _RATE_TOLERANCE = 1e-3
 _SLOWEST, _FASTEST = 1e-3, 1e9  # Hz
-# No measurement is larger; sums of squares stay finite below.
+# No measurement is larger, and sums of squares below it stay finite.
 _LARGEST = 1e100
 
 
@@ -35,7 +35,7 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
 
     **Returns:** the `Recording`, with what the audit found among its `warnings`.
 
-    **Raises:** `InputError` for anything in the file that would make the recording useless; warns with
+    **Raises:** `InputError` for anything in the file that makes the recording unusable; warns with
     `FrictionjaxWarning` when the channels had to be resampled.
     """
     file = shown(table.path, 200)
@@ -179,7 +179,7 @@ def _time(
 
 
 def _cut(entry: Entry, stamps: Float[np.ndarray, " n"], step: float, file: str) -> tuple[int, int]:
-    """First sample and end of the interval; the end's own sample belongs to what comes after it."""
+    """First sample and end of the interval; the end's own sample is not part of it."""
     if entry.interval is None:
         return 0, stamps.size
     begin, end = entry.interval
@@ -224,7 +224,7 @@ def _agreed_rate(grid: Grid, entry: Entry, file: str) -> float:
 
 
 def _require_motion(entry: Entry, used: dict[str, Float[np.ndarray, " n"]], file: str) -> None:
-    """Refuse a recording in which nothing happened."""
+    """Refuse a recording without motion, input or force."""
     place = entry.spot.at()
     if np.ptp(used["x"]) == 0:
         raise InputError(

@@ -1,22 +1,23 @@
-"""One recording alone: its end is kept aside, for no model can be judged on data that the fit has seen."""
+"""Hold out the end of a single recording: a model can only be validated on data that it was not fitted to."""
 
 import dataclasses
 import warnings
+from typing import Any
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.recording import Case, Recording
 
 PART = 3
-"""One part in so many is kept aside."""
-_LEAST = 100  # samples in the part that is kept aside
+"""One part in so many is held out."""
+_LEAST = 100  # samples in the held-out part
 _CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
 
 
 def keep_last_third_aside(case: Case) -> Case:
-    """The case with the last third of its only recording kept aside, under the name `<name>_last_third`.
+    """The case with the last third of its only recording held out, under the name `<name>_last_third`.
 
-    The end of a run is no independent experiment: it shares the run's operating point, and what only shows at its
-    beginning or its end judges badly. A second recording is better, and the warning says so.
+    The end of a run is no independent experiment: it shares the run's operating point, and cannot validate what shows
+    only at its beginning. A second recording is better, and the warning says so.
 
     **Arguments:**
 
@@ -29,7 +30,7 @@ def keep_last_third_aside(case: Case) -> Case:
     """
     if len(case.recordings) != 1:
         raise InputError(
-            f"there are {len(case.recordings)} recordings, and only one alone is divided",
+            f"there are {len(case.recordings)} recordings, and only a single one is divided",
             file=case.name,
             cure='Give one of them role = "holdout"',
         )
@@ -37,15 +38,15 @@ def keep_last_third_aside(case: Case) -> Case:
     kept = recording.x.size // PART
     if kept < _LEAST:
         raise InputError(
-            f"{recording.x.size} samples are too few to keep a third of them aside",
+            f"{recording.x.size} samples are too few to hold out a third of them",
             file=case.name,
             place=f"recording {recording.name}",
             cure=f"Record at least {PART * _LEAST} samples, better several seconds, or name another file as holdout",
         )
     cut = recording.x.size - kept
     said = (
-        f"There is no recording to judge on: the last third ({kept / recording.sample_rate:.3g} s) was kept aside and "
-        "not fitted. A second recording judges better, as a run's end resembles its beginning."
+        f"There is no recording for validation: the last third ({kept / recording.sample_rate:.3g} s) was held out and "
+        "not fitted. A second recording validates better, as a run's end resembles its beginning."
     )
     warnings.warn(FrictionjaxWarning(f"{recording.name}: {said}"), stacklevel=2)
     first = _part(recording, slice(None, cut), role="fit", warnings=(*recording.warnings, said))
@@ -60,7 +61,7 @@ def keep_last_third_aside(case: Case) -> Case:
     return dataclasses.replace(case, recordings=(first, last))
 
 
-def _part(recording: Recording, part: slice, **changes) -> Recording:
+def _part(recording: Recording, part: slice, **changes: Any) -> Recording:
     channels = {name: getattr(recording, name) for name in _CHANNELS}
     cut = {name: values[part].copy() for name, values in channels.items() if values is not None}
     return dataclasses.replace(recording, **cut, **changes)

@@ -1,4 +1,4 @@
-"""The nouns: a recording, the plant it was made on, and the case that holds both."""
+"""The nouns: a recording, the plant it was made on, and the case of both."""
 
 from typing import Literal
 
@@ -55,9 +55,9 @@ class Recording(eqx.Module):
     - `sample_rate`: samples per second.
     - `u`: input, held between samples, shape `(n,)`, in input units (zeros for `drive = "motion"`).
     - `x`: measured position, shape `(n,)`, in position units.
-    - `role`: `"fit"` or `"holdout"`; a holdout recording is never seen by fitting or by naming.
-    - `loop`: `"open"`, or `"closed"` when u answers to the measured x, noise included.
-    - `drive`: `"force"` (u is applied, x is the answer) or `"motion"` (x is imposed, `force` is the answer).
+    - `role`: `"fit"` or `"holdout"`; a holdout recording is never used for fitting or for naming effects.
+    - `loop`: `"open"`, or `"closed"` when u is feedback of the measured x, noise included.
+    - `drive`: `"force"` (u is applied, x is the response) or `"motion"` (x is imposed, `force` is the response).
     - `start_time`: s since power-on; recordings of one warm-up share a clock.
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
     - `warnings`: what the audit found, as sentences.
@@ -108,10 +108,10 @@ class Case(eqx.Module):
 
     @property
     def fit_recordings(self) -> tuple[Recording, ...]:
-        """The recordings that fitting and naming may see."""
+        """The recordings that fits and the naming of effects use."""
         return tuple(r for r in self.recordings if r.role == "fit")
 
     @property
     def holdout_recordings(self) -> tuple[Recording, ...]:
-        """The recordings kept aside for the judgement."""
+        """The held-out recordings, for validation."""
         return tuple(r for r in self.recordings if r.role == "holdout")

@@ -1,4 +1,4 @@
-"""Which regimes of friction a recording visits, told without a model.
+"""Which regimes of friction a recording visits, found without a model.
 
 A moment is *at rest* when the position stays inside its noise for at least `REST_TIME`. Motion is *presliding*
 as long as the travel since the last reversal or rest is no more than the gross travel, and *sliding* beyond it.
@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 REST_TIME = 0.1  # s
 _BLOCK = 0.02  # s, the window in which speed is judged
 _DECADES = 2.0  # between the medians of the two populations of travels
-_SEEN = 20.0  # smallest travel over the noise that counts for the populations
+_RESOLVED = 20.0  # smallest travel over the noise that counts for the populations
 _LARGE = 2e4  # range of x over its noise beyond which a recording of one population is called sliding
 _LEVEL = 0.8  # of the sliding level of a measured force, where sliding is taken to begin
 
@@ -34,7 +34,7 @@ class Regimes(eqx.Module):
       sliding.
     - `gross_travel`: travel since a reversal beyond which motion counts as sliding, position units; infinite when
       nothing slides, None when the measured force decided.
-    - `evidence`: `"two travels"`, `"size"`, `"given"` or `"force"`: what told presliding from sliding.
+    - `evidence`: `"two travels"`, `"size"`, `"given"` or `"force"`: what separated presliding from sliding.
     """
 
     rest: float = eqx.field(static=True)
@@ -55,7 +55,7 @@ def find_regimes(
     force: Float[np.ndarray, " n"] | None = None,
     gross_travel: float | None = None,
 ) -> Regimes:
-    """Sort a recording into rest, presliding and sliding.
+    """Divide a recording into rest, presliding and sliding.
 
     **Arguments:**
 
@@ -63,7 +63,7 @@ def find_regimes(
     - `sample_rate`: Hz.
     - `resolution`: standard deviation of the noise of `x`, quantisation included, in position units.
     - `force`: measured friction force under an imposed motion, shape `(n,)`; decides when given.
-    - `gross_travel`: travel since a reversal that counts as sliding, position units; found when absent.
+    - `gross_travel`: travel since a reversal that counts as sliding, position units; found from the data when None.
 
     **Returns:** the `Regimes`.
     """
@@ -135,10 +135,10 @@ def turning_points(x: Float[np.ndarray, " n"], height: float) -> Int[np.ndarray,
 
 
 def _gross_travel(travels: Float[np.ndarray, " m"], extent: float, resolution: float) -> tuple[float, str]:
-    """The travel that separates presliding from sliding, and what told it."""
-    logs = np.sort(np.log10(travels[travels > _SEEN * resolution]))
+    """The travel that separates presliding from sliding, and the evidence for it."""
+    logs = np.sort(np.log10(travels[travels > _RESOLVED * resolution]))
     if logs.size >= 2:
-        # Otsu's threshold: the split that leaves the least scatter inside the two groups.
+        # Otsu's threshold: the split with the least variance inside the two groups.
         sizes = np.arange(1, logs.size)
         left, right = np.cumsum(logs)[:-1] / sizes, np.cumsum(logs[::-1])[-2::-1] / sizes[::-1]
         k = int(np.argmax(sizes * sizes[::-1] * (right - left) ** 2))

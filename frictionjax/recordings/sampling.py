@@ -1,4 +1,4 @@
-"""Time stamps: the sample rate they mean, their jitter and gaps, and the uniform grid when they need one."""
+"""Time stamps: their sample rate, jitter and gaps, and the uniform grid to resample to."""
 
 import equinox as eqx
 import numpy as np
@@ -12,7 +12,7 @@ from frictionjax.recordings.words import shown
 
 # A step longer than this many nominal ones is a gap.
 _GAP = 1.5
-# Filling more than this part of a recording would be invention.
+# No more than this part of a recording is filled by interpolation.
 _MOST_MISSING = 0.2
 # A rate this near (relatively) to a whole number of Hz or of microseconds is that number.
 _SNAP = 1e-5
@@ -24,8 +24,8 @@ class Grid(eqx.Module):
     **Attributes:**
 
     - `sample_rate`: Hz.
-    - `sampling`: what the time stamps were like.
-    - `stamps`: the file's time stamps, s, shape `(m,)`, free of their rounding where they were only rounded.
+    - `sampling`: how far the time stamps were from uniform.
+    - `stamps`: the file's time stamps, s, shape `(m,)`, without their rounding error where that was the only deviation.
     - `uniform`: the times to resample at, s, shape `(n,)`; None when the stamps are uniform as they are.
     """
 
@@ -66,7 +66,7 @@ class Grid(eqx.Module):
 
 
 def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str, first: int = 0) -> Grid:
-    """The uniform grid that time stamps mean.
+    """The uniform grid behind time stamps.
 
     Stamps rounded to too few decimals (0.0003, 0.0007, 0.0010 at 3 kHz) are not jitter; steps that deviate by
     more than `JITTER_TOLERANCE` otherwise are.
@@ -147,7 +147,7 @@ def _rounding(stamps: Float[np.ndarray, " m"], step: float) -> float:
 
 
 def _snapped(rate: float) -> float:
-    """The rate that was meant: a whole number of Hz, or a step of whole microseconds, when very near."""
+    """The nominal rate: the nearest whole number of Hz, or step of whole microseconds, when very near."""
     microseconds = round(1e6 / rate)
     for nominal in (float(round(rate)), 1e6 / microseconds if microseconds else rate):
         if abs(nominal - rate) <= _SNAP * rate:

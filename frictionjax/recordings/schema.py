@@ -1,4 +1,4 @@
-"""The keys of a case file: which there are, what they hold, and the sentence for one that is wrong."""
+"""The keys of a case file, their types, and the error for a wrong one."""
 
 from collections.abc import Iterable
 from typing import Any, Literal, NoReturn
@@ -29,7 +29,7 @@ _LARGEST = 1e60
 
 
 class Spot(eqx.Module):
-    """Where in the user's description we are, for messages.
+    """The place in the user's description, for messages.
 
     **Attributes:**
 
@@ -55,7 +55,7 @@ class Spot(eqx.Module):
 class Entry(eqx.Module):
     """One `[[recording]]` of a case, checked for itself, before its file is opened.
 
-    **Attributes:** the keys of the contract, with their defaults; `columns` and `scale` by role, `interval` in s
+    **Attributes:** the keys of a case file, with their defaults; `columns` and `scale` by role, `interval` in s
     of the file's own time; `spot` for messages.
     """
 
@@ -81,7 +81,7 @@ def parse_plant(table: dict[str, Any], spot: Spot) -> Plant:
 
     **Returns:** the `Plant`; what is absent is unknown.
 
-    **Raises:** `InputError` for an unknown key, a wrong type, or a number that cannot be.
+    **Raises:** `InputError` for an unknown key, a wrong type, or a number out of range.
     """
     table = {key: value for key, value in table.items() if value is not None}
     known_keys(table, PLANT_KEYS, spot)
@@ -111,9 +111,9 @@ def parse_entry(table: dict[str, Any], spot: Spot) -> Entry:
     - `table`: keys of `[[recording]]`; those that are None count as absent.
     - `spot`: for messages.
 
-    **Returns:** the `Entry`, with the defaults of the contract.
+    **Returns:** the `Entry`, with the defaults.
 
-    **Raises:** `InputError` for an unknown key or role, a wrong type, or a value that cannot be.
+    **Raises:** `InputError` for an unknown key or role, a wrong type, or a value out of range.
     """
     table = {key: value for key, value in table.items() if value is not None}
     known_keys(table, RECORDING_KEYS, spot)
@@ -158,7 +158,7 @@ def number(table: dict[str, Any], key: str, spot: Spot, prefix: str = "") -> flo
         fault = "out of range" if abs(value) < float("inf") else "not a finite number"
         spot.fail(f"{shown(value, 20)} is {fault}", prefix + key, "Give a finite number of usual size")
     if 0 < abs(value) < 1 / _LARGEST:
-        spot.fail(f"{value:g} is next to nothing", prefix + key, "Check the exponent")
+        spot.fail(f"{value:g} is too small", prefix + key, "Check the exponent")
     return float(value)
 
 
@@ -203,7 +203,7 @@ def _factor(scale: dict[str, Any], role: str, spot: Spot) -> float:
     factor = number(scale, role, spot, "scale.")
     if not factor:
         spot.fail(
-            "a factor of zero wipes the column out", f"scale.{role}", "Give the factor to the units above"
+            "a factor of zero makes the column zero", f"scale.{role}", "Give the factor to the units above"
         )
     return factor
 

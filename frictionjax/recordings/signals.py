@@ -1,11 +1,11 @@
-"""What single channels show: noise, quantisation, clipping, and traces of earlier processing."""
+"""Single channels: noise, quantisation, clipping, and traces of earlier processing."""
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
-_MAX_LEVELS = 16  # an input with no more levels than this is meant to sit on them
-_CLIPPED = 0.005  # part of the samples at an extreme value that looks like a limit
+_MAX_LEVELS = 16  # an input with no more levels than this has them by design
+_CLIPPED = 0.005  # part of the samples at an extreme value, above which it counts as a limit
 _SMOOTH = 0.03  # spectral power near the Nyquist frequency over that in mid-band; 1 for white noise
 _REPEATED = 0.3  # part of the fast samples that repeat something
 
@@ -37,8 +37,8 @@ def quantum(x: Float[np.ndarray, " n"]) -> float | None:
     if steps.size < 10:
         return None
     spacings = np.diff(np.concatenate([[0.0], np.unique(steps)]))
-    for dust in (1e-15, 1e-10, 1e-9, 1e-8):
-        candidates = spacings[spacings > 64 * dust * largest]
+    for rounding in (1e-15, 1e-10, 1e-9, 1e-8):
+        candidates = spacings[spacings > 64 * rounding * largest]
         if not candidates.size:
             return None
         step = _refined(float(candidates.min()), steps)
@@ -51,7 +51,7 @@ def on_grid(x: Float[np.ndarray, " n"], step: float) -> float:
     """Part of the successive differences of `x` that are a whole number of `step`, to a tenth of it.
 
     Differences beyond a thousand steps are left out: there the rounding of `step` itself adds up. A channel
-    with fewer than ten others gives NaN: it cannot tell.
+    with fewer than ten others gives NaN: they are too few.
     """
     quanta = np.abs(np.diff(x)) / step
     quanta = quanta[quanta < 1000.0]
@@ -70,13 +70,13 @@ def _refined(step: float, steps: Float[np.ndarray, " m"]) -> float:
 
 
 class Clipping(eqx.Module):
-    """How a channel sits at its extreme values.
+    """How often a channel is at its extreme values.
 
     **Attributes:**
 
     - `levels`: number of distinct values, counted up to 17.
     - `high`, `low`: part of the samples at the largest and at the smallest value.
-    - `clipped`: True when that looks like a limit that was reached, not like a signal of few levels.
+    - `clipped`: True when the channel reached a limit; False for a signal of few levels.
     """
 
     levels: int = eqx.field(static=True)
@@ -86,7 +86,7 @@ class Clipping(eqx.Module):
 
 
 def clipping(values: Float[np.ndarray, " n"]) -> Clipping:
-    """Tell a channel that ran into a limit from one that is meant to sit on a few levels.
+    """Distinguish a channel that reached a limit from one with few levels by design.
 
     A PRBS, a square wave or a staircase has few levels, whatever its extremes. Otherwise the channel looks
     clipped when it arrives at an extreme value at least three times, stays for two samples or more each time,
@@ -109,7 +109,7 @@ def clipping(values: Float[np.ndarray, " n"]) -> Clipping:
 
 
 def processing(x: Float[np.ndarray, " n"], step: float | None) -> str:
-    """What was done to a channel before it was stored, as far as the samples betray it.
+    """How a channel was processed before it was stored, as far as the samples show it.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Words for messages: user text shown on one line, the nearest right name, the path that was not found."""
+"""Text for messages: user text on one line, the nearest valid name, the path that was not found."""
 
 import difflib
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ def listed(names: Iterable[str], limit: int = 12) -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:
-    """The member of `names` most like `name` (letter case aside), or None when none is like it."""
+    """The member of `names` most like `name`, whatever its letter case, or None when none is like it."""
     folded = {other.casefold(): other for other in names}
     found = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
     return folded[found[0]] if found else None

@@ -1,8 +1,8 @@
-"""`simulate_batch`: many drives at once, spread over the devices and cut to the cache."""
+"""`simulate_batch`: many drives at once, distributed over the devices in blocks that fit the cache."""
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.sharding import Mesh, PartitionSpec
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree, Real
 
 from frictionjax.core import Progress, require_x64, silent
 from frictionjax.core.safe import real
@@ -25,18 +25,18 @@ _AXIS = "drives"
 
 
 def position(run: Trajectory) -> Float[Array, " n"]:
-    """The position of a run, shape `(n,)`: what `simulate_batch` returns unless told otherwise."""
+    """The position of a run, shape `(n,)`: what `simulate_batch` returns by default."""
     return run.x
 
 
 def simulate_batch(
     drives: Drive,
-    u: Float[Array, " n"] | Float[Array, "b n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"] | Real[ArrayLike, "b n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, " b"] = 0.0,
-    v0: float | Float[Array, " b"] = 0.0,
-    z0: float | Float[Array, " b"] = 0.0,
+    x0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
+    v0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
+    z0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,
     substeps: int = 2,
     of: Callable[[Trajectory], Any] = position,
     memory: float = 2.0**30,
@@ -44,8 +44,9 @@ def simulate_batch(
 ) -> Any:
     """Simulate `b` drives, by the scheme of `simulate`, on all devices: Monte Carlo, sweeps, starts.
 
-    What has a leading axis differs from drive to drive; what has none is shared. Beyond `memory` the batch is cut into
-    pieces, whose results are collected on the host. Inside jit, vmap or a derivative it stays one piece on one device.
+    Arrays with a leading axis differ from drive to drive; the others are shared. Beyond `memory` the batch is divided
+    into pieces, whose results are collected on the host. Inside jit, vmap or a derivative it is one piece on one
+    device.
     Batches are several times faster after `configure_jax()`.
 
     **Arguments:**
@@ -56,9 +57,9 @@ def simulate_batch(
     - `x0`, `v0`, `z0`: position, velocity and bristle deflection at the first sample; numbers, or shape `(b,)`.
     - `substeps`: steps per sample, see `simulate`.
     - `of`: what to keep of a run: a function of one drive's `Trajectory`. Only what it uses is computed, and only what
-        it returns leaves the device. Give a function that is defined once: a new one is compiled anew.
+        it returns leaves the device. Pass the same function object each time: a new one is compiled again.
     - `memory`: bytes that the results of one piece may take.
-    - `progress`: told of the drives that are done.
+    - `progress`: called with the fraction of drives that are done.
 
     **Returns:**
 
@@ -94,7 +95,7 @@ def simulate_batch(
     results = jax.tree.map(lambda leaf: np.empty((count, *leaf.shape), leaf.dtype), kept)
     shared, table = _packed(leaves, dt, how)
     for first in range(0, count, piece):
-        # The last piece is filled up with its last drive, so that all pieces share one compiled program.
+        # The last piece is padded with its last drive, so that all pieces share one compiled program.
         taken = np.minimum(np.arange(first, first + piece), count - 1)
         push = run[1][taken] if run[1].ndim > 1 and piece != count else run[1]
         found = _on_all(shared, table[:, taken], push, how, blocks, devices)
@@ -106,7 +107,7 @@ def simulate_batch(
 
 
 def _collect(whole: np.ndarray, first: int, last: int, new: Array) -> None:
-    """Copy what the devices hold of `new` into rows `first` to `last` of `whole`, all devices at once."""
+    """Copy the shards of `new` into rows `first` to `last` of `whole`, all devices at once."""
 
     def copy(shard):
         begin = first + (shard.index[0].start or 0)
@@ -117,9 +118,11 @@ def _collect(whole: np.ndarray, first: int, last: int, new: Array) -> None:
         list(threads.map(copy, new.addressable_shards))
 
 
-def _packed(leaves, dt, how: "_How") -> tuple[np.ndarray, np.ndarray]:
-    """All shared numbers, dt first, and a table with a row for each number that differs: each array that goes to a
-    device costs a tenth of a millisecond, and a drive has a dozen."""
+def _packed(
+    leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: "_How"
+) -> tuple[Float[np.ndarray, " shared"], Float[np.ndarray, "differing b"]]:
+    """All shared numbers, dt first, and a table with a row for each number that differs: two arrays instead of the
+    dozen of a drive, as each transfer to a device costs a tenth of a millisecond."""
     scalars, columns = [np.asarray(dt)], []
     for index, (leaf, flag) in enumerate(zip(leaves, how.batched, strict=True)):
         if index != how.input:
@@ -127,8 +130,13 @@ def _packed(leaves, dt, how: "_How") -> tuple[np.ndarray, np.ndarray]:
     return np.stack(scalars), np.stack(columns) if columns else np.zeros((0, leaves[how.input].shape[0]))
 
 
-def _unpacked(shared, table, push, how: "_How"):
-    """dt and the leaves again."""
+def _unpacked(
+    shared: Float[Array, " shared"],
+    table: Float[Array, "differing b"],
+    push: Float[Array, "..."],
+    how: "_How",
+) -> tuple[Float[Array, ""], tuple[Float[Array, "..."], ...]]:
+    """The inverse of `_packed`: dt and the leaves."""
     scalars, columns = iter(shared), iter(table)
     dt = next(scalars)
     return dt, tuple(
@@ -138,7 +146,7 @@ def _unpacked(shared, table, push, how: "_How"):
 
 
 class _How(eqx.Module):
-    """What of a batch is no number: `drive` without its arrays, the `tree` of the leaves, which of them are `batched`,
+    """The static part of a batch: `drive` without its arrays, the `tree` of the leaves, which of them are `batched`,
     which is the `input`, `substeps`, and `of`."""
 
     drive: Drive
@@ -149,7 +157,7 @@ class _How(eqx.Module):
     of: Callable[[Trajectory], Any] = eqx.field(static=True)
 
 
-def _count(run, batched) -> int:
+def _count(run: tuple[PyTree, Float[Array, "..."], PyTree], batched: PyTree) -> int:
     """Number of drives."""
     lengths = {
         leaf.shape[0]
@@ -163,12 +171,14 @@ def _count(run, batched) -> int:
             "Nothing differs from drive to drive: give a parameter, a start or `u` a leading axis, or use `simulate`."
         )
     if len(lengths) > 1:
-        raise ValueError(f"The leading axes have lengths {sorted(lengths)}; all that differ must be as many.")
+        raise ValueError(
+            f"The leading axes have lengths {sorted(lengths)}; all that differ must have one length."
+        )
     return lengths.pop()
 
 
 def _check_room(needed: int) -> None:
-    """Refuse results that this machine cannot hold, where the system tells how much that is."""
+    """Refuse results larger than the machine's memory, where the system reports its size."""
     if "SC_PHYS_PAGES" not in getattr(os, "sysconf_names", {}):
         return
     room = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
@@ -179,16 +189,16 @@ def _check_room(needed: int) -> None:
         )
 
 
-def _cut(count: int, most: int, devices: tuple) -> tuple[int, int]:
+def _cut(count: int, most: int, devices: tuple[Any, ...]) -> tuple[int, int]:
     """Blocks per device and drives per block of one piece of at most about `most` drives."""
     share = -(-min(count, max(most, 1)) // len(devices))
-    # A GPU takes all of its share at once; a CPU takes what fits its cache.
+    # A GPU simulates all of its share at once; a CPU as many as fit its cache.
     blocks = -(-share // _LANES) if devices[0].platform == "cpu" else 1
     return blocks, -(-share // blocks)
 
 
-def _single(leaves, dt, how: _How):
-    """What is kept of one drive."""
+def _single(leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: _How) -> Any:
+    """The result of one drive."""
     numbers, u, (x0, v0, z0) = jax.tree.unflatten(how.tree, leaves)
     drive = eqx.combine(numbers, how.drive)
     return how.of(simulate(drive, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=how.substeps))
@@ -196,13 +206,13 @@ def _single(leaves, dt, how: _How):
 
 @functools.lru_cache(maxsize=256)
 def _kept(how: _How, shapes: tuple[tuple[int, ...], ...]) -> Any:
-    """Shapes and types of what is kept of one drive; tracing it at every call would cost more than a small batch."""
+    """Shapes and types of the result of one drive, cached: tracing at every call would cost more than a small batch."""
     leaves, dt = [jax.ShapeDtypeStruct(shape, float) for shape in shapes], jax.ShapeDtypeStruct((), float)
     return jax.eval_shape(lambda leaves, dt: _single(leaves, dt, how), leaves, dt)
 
 
-def _in_blocks(leaves, dt, how: _How, blocks: int):
-    """What is kept of all drives, one block after the other."""
+def _in_blocks(leaves: Sequence[Float[Array, "..."]], dt: Float[Array, ""], how: _How, blocks: int) -> Any:
+    """The results of all drives, one block after the other."""
     split = [leaf for leaf, flag in zip(leaves, how.batched, strict=True) if flag]
     count = split[0].shape[0]
     lanes = -(-count // blocks)
@@ -222,7 +232,14 @@ def _in_blocks(leaves, dt, how: _How, blocks: int):
 
 
 @eqx.filter_jit
-def _on_all(shared, table, push, how: _How, blocks: int, devices: tuple):
+def _on_all(
+    shared: Float[Array | np.ndarray, " shared"],
+    table: Float[Array | np.ndarray, "differing b"],
+    push: Float[Array, "..."],
+    how: _How,
+    blocks: int,
+    devices: tuple[Any, ...],
+) -> Any:
     """`_in_blocks` on every device, for its share of the drives."""
 
     def share(shared, table, push):

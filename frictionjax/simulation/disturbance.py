@@ -1,4 +1,4 @@
-"""Residual force: the force that a model lacks, estimated from the position by an observer with one more state."""
+"""Residual force: the force missing from a model, estimated from the position by a disturbance observer."""
 
 import jax
 import jax.numpy as jnp
@@ -24,9 +24,9 @@ def residual_force(
 ) -> Float[Array, " n"]:
     """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
 
-    An observer with a triple pole at p = exp(-2 pi bandwidth dt) carries the missing acceleration as a state
-    (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); its lag, three poles' worth, is taken out by a shift. The
-    last samples, to which nothing comes that much later, keep the last value.
+    An observer with a triple pole at p = exp(-2 pi bandwidth dt) has the missing acceleration as a state
+    (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); a shift removes its lag, that of three poles. The
+    last samples, beyond the end of the shifted signal, repeat the last value.
 
     **Arguments:**
 
@@ -37,7 +37,7 @@ def residual_force(
     - `bandwidth`: Hz; lower is smoother.
     - `start`: position, velocity and bristle deflection at the first sample.
     - `substeps`: integration steps per sample.
-    - `measured`: samples that were measured, where `x` goes on behind them; None: all.
+    - `measured`: number of measured samples, where `x` is padded behind them; None: all.
     """
     bristles = drive.bristles()
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
@@ -46,8 +46,8 @@ def residual_force(
 
     def sample(carry, inputs):
         state, missing = carry
-        push, seen, t = inputs
-        innovation = seen - drive.seen(state.x, t, state.hidden)
+        push, position, t = inputs
+        innovation = position - drive.measured(state.x, t, state.hidden)
         missing = missing + gain * innovation
         state = corrected(drive, bristles.slack, state, innovation, gains)
         return (advance(drive, bristles, state, push + drive.J * missing, dt, substeps), missing), missing

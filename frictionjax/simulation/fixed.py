@@ -1,4 +1,4 @@
-"""`simulate`: free run of a drive on a sampled input, by the production scheme."""
+"""`simulate`: free run of a drive on a sampled input, with fixed steps."""
 
 import dataclasses
 from typing import Literal
@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -20,8 +20,8 @@ class Trajectory(eqx.Module):
     """A simulated experiment; arrays have shape `(n,)` (`z`: `(n, bristles)`), values at the sample instants.
 
     **Attributes:** `t` (s), `x` (position), `v` (position/s), `z` (deflection of each bristle, position),
-    `friction` (opposing force: friction (1) and the force effects, force), `measured` (position as its sensor shows it:
-    `x` and what effects on the sensor make of it, without noise or quantisation); `substeps` (steps per sample),
+    `friction` (opposing force: friction (1) and the force effects, force), `measured` (output of the position sensor:
+    `x` as modified by effects on the sensor, without noise or quantisation); `substeps` (steps per sample),
     `error` (estimated largest error of `x`, position; None unless `substeps` was `"auto"`).
     """
 
@@ -39,7 +39,7 @@ Start = (
     tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]
     | tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before]
 )
-"""Position, velocity and bristle deflection at the first sample, and what was before it where that is known."""
+"""Position, velocity and bristle deflection at the first sample, and the history before it where that is known."""
 
 
 def initial_state(
@@ -49,9 +49,9 @@ def initial_state(
     z0: Float[Array, ""],
     before: Before | None = None,
 ) -> State:
-    """State of `drive` at the first sample; every bristle starts at deflection `z0`, states of effects where what was
-    `before` left them (None: where they are after a second of rest)."""
-    hidden = drive.first_states(Before() if before is None else before)
+    """State of `drive` at the first sample; every bristle starts at deflection `z0`, and states of effects follow from
+    the history `before` (None: a second of rest)."""
+    hidden = drive.initial_states(Before() if before is None else before)
     return State(x0, v0, z0 * jnp.ones(drive.bristle_count), hidden)
 
 
@@ -65,7 +65,16 @@ _MOST_STEPS = 256
 
 
 @eqx.filter_jit
-def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
+def _simulate(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    x0: Float[Array, ""],
+    v0: Float[Array, ""],
+    z0: Float[Array, ""],
+    substeps: int,
+    before: Before | None = None,
+) -> Trajectory:
     bristles = drive.bristles()
 
     def sample(state, force):
@@ -76,21 +85,21 @@ def _simulate(drive, u, dt, x0, v0, z0, substeps, before=None):
 
     push = drive.applied_force(u, dt)
     _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0, before), push)
-    # Once the run is there: side by side, where one after the other would hold up the loop.
+    # After the run, vectorised over the samples: inside the loop it would take longer.
     friction = jax.vmap(friction_of)(run, mean_of(push))
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
-    measured = jax.vmap(drive.seen)(run.x, t, run.hidden)
+    measured = jax.vmap(drive.measured)(run.x, t, run.hidden)
     return Trajectory(t, run.x, run.v, run.z, friction, measured, substeps)
 
 
 def simulate(
     drive: Drive,
-    u: Float[Array, " n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, ""] = 0.0,
-    v0: float | Float[Array, ""] = 0.0,
-    z0: float | Float[Array, ""] = 0.0,
+    x0: Real[ArrayLike, ""] = 0.0,
+    v0: Real[ArrayLike, ""] = 0.0,
+    z0: Real[ArrayLike, ""] = 0.0,
     substeps: int | Literal["auto"] = 2,
     encoder_step: float | None = None,
     tolerance: float | None = None,
@@ -111,7 +120,7 @@ def simulate(
         the last doubling, is below `tolerance`.
     - `encoder_step`: quantum of the position sensor, position units; a tenth of it is the default of `tolerance`.
     - `tolerance`: admissible error of the position, position units.
-    - `before`: what was before the first sample, for effects that remember it (dwell, warm-up).
+    - `before`: history before the first sample, for effects with memory (dwell, warm-up).
 
     **Returns:**
 
@@ -137,16 +146,23 @@ def simulate(
     return _simulate(drive, u, 1.0 / real(sample_rate), *start, int(substeps), before)
 
 
-def _refined(drive: Drive, u, dt, start, tolerance: float | None, before: Before) -> Trajectory:
-    """Twice the steps until two runs differ by little: the error of a second-order run is 4/3 of that difference."""
+def _refined(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    tolerance: float | None,
+    before: Before,
+) -> Trajectory:
+    """Double the steps until the error, 4/3 of the difference of two second-order runs, is below `tolerance`."""
     if tolerance is None or not tolerance > 0.0:
         raise ValueError(
             '`substeps="auto"` needs a positive `encoder_step` or `tolerance`, in position units.'
         )
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((drive, u, dt, start))):
         raise ValueError(
-            '`substeps="auto"` looks at numbers: call it once outside jit, vmap and grad, and pass the number of steps '
-            "that it finds."
+            '`substeps="auto"` needs concrete numbers: call it once outside jit, vmap and grad, and pass the '
+            "number of steps that it finds."
         )
     x0, v0, z0 = start
     coarse = _simulate(drive, u, dt, x0, v0, z0, 1, before)
@@ -160,5 +176,5 @@ def _refined(drive: Drive, u, dt, start, tolerance: float | None, before: Before
         coarse, steps = fine, 2 * steps
     raise ValueError(
         f"{_MOST_STEPS} steps a sample leave an error of {error / 4.0:.2g}, more than the tolerance {tolerance:.2g}. "
-        "Where sticking and slipping follow each other no step is fine enough: raise `tolerance`, or shorten the run."
+        "Repeated stick-slip amplifies every error: raise `tolerance`, or shorten the run."
     )

@@ -1,19 +1,19 @@
 """`simulate_imposed`: the friction force of a drive whose motion is imposed, as on a tribometer.
 
-The motion being known, the friction level G is known too, step by step, and each bristle is alone with (2),
+For a known motion the friction level G is known at every step, and each bristle obeys (2) on its own,
 
     dz/dt = |v| (S(y) - S(z))/G,    S(y) = G sgn v,
 
-S the bristle's spring force and y where it slips steadily. With k the secant stiffness between z and y, and y linear
-over a step of path d, this is solved exactly:
+S the bristle's spring force and y its deflection in steady sliding. With k the secant stiffness between z and y, and y
+linear over a step of path d, this is solved exactly:
 
     a = k |d| mean(1/G),   z+ = z + (1 - e^-a) (y0 - z) + (1 - (1 - e^-a)/a) (y1 - y0)
 
 For the linear spring k = sigma0, and the step is exact at constant velocity; else k is the mean of the secants at both
-ends, second order. z+ lies between z, y0 and y1: stable at any |v| sigma0 h/G, and never bent beyond them. |v| is not
+ends, second order. z+ lies between z, y0 and y1: stable at any |v| sigma0 h/G, and never beyond them. |v| is not
 smoothed. A law p(S/G) of slip in place of S/G makes k = G (sgn v - p)/(y - z). States of effects take Heun's step
-around it; a level that hangs on them is taken at both ends of that. Effects of the input and of the sensor, those that
-hang on the motor force, and a second inertia are not on the way and do not act.
+around it; a level that depends on them is evaluated at both ends of that step. Effects of the input, of the motor force
+and of the sensor, and a second inertia, do not act under an imposed motion.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real, sign
@@ -37,30 +37,32 @@ from frictionjax.physics.effects.base import (
 from frictionjax.simulation.fixed import Trajectory
 from frictionjax.simulation.load_side import relaxed
 
-_REST = 1e-30  # a velocity that is rest, yet has a direction
+_REST = 1e-30  # a velocity that counts as rest and has a direction
 _BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
 
 
 class _Step(NamedTuple):
-    """What is known of a step: its length; at both ends (2,) position, velocity (and one that is never without a
-    direction), level and yield of LuGre's bristle."""
+    """A step: its length `h`; at both ends (2,) position, velocity, velocity with a direction at rest too, friction
+    level and yield deflection of LuGre's bristle."""
 
-    h: Array
-    x: Array
-    v: Array
-    going: Array
-    level: Array
-    slips: Array
+    h: Float[Array, "*steps"]
+    x: Float[Array, "*steps 2"]
+    v: Float[Array, "*steps 2"]
+    directed_v: Float[Array, "*steps 2"]
+    level: Float[Array, "*steps 2"]
+    yields: Float[Array, "*steps 2"]
 
 
-def _limits(x, v, dt):
+def _velocities(
+    x: Float[Array, " n"], v: Float[Array, " n"] | None, dt: Float[Array, ""]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Velocities on both sides of every sample instant, each of shape (n,)."""
     if v is not None:
         return v, v
     mean = jnp.diff(x) / dt
     change = jnp.pad(jnp.diff(mean), 1)
     left, right = change[:-1], change[1:]
-    # None where they disagree: second order in smooth motion, and exact next to a corner.
+    # Zero where they differ in sign: second order in smooth motion, and exact next to a corner.
     smaller = jnp.where(jnp.abs(left) < jnp.abs(right), left, right)
     rise = 0.5 * jnp.where(left * right > 0.0, smaller, 0.0)
     start, end = mean - rise, mean + rise
@@ -71,8 +73,8 @@ def _has_spring_effects(drive: Drive) -> bool:
     return any(isinstance(effect, AbstractSpringEffect) for effect in drive.effects)
 
 
-def _slips_at(drive: Drive, level):
-    """Deflection at which LuGre's bristle carries `level`."""
+def _yield_deflection(drive: Drive, level: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Deflection of LuGre's bristle under the force `level`."""
     sigma0, z = drive.friction.sigma0, level / drive.friction.sigma0
     if not _has_spring_effects(drive):
         return z
@@ -82,12 +84,14 @@ def _slips_at(drive: Drive, level):
         z = z - (force - level) / jax.lax.stop_gradient(jnp.maximum(slope, 0.05 * sigma0))
         return jnp.clip(z, 0.0, _BENT * level / sigma0)
 
-    # One more step from the solution: its derivative is that of the solution.
+    # A last step from the solution, through which the derivative of the solution passes.
     return closer(0, jax.lax.stop_gradient(jax.lax.fori_loop(0, 8, closer, z)))
 
 
-def _secant(drive: Drive, z, y, level):
-    """Stiffness with which LuGre's bristle goes from the deflection `z` to `y`, where it carries `level`."""
+def _secant(
+    drive: Drive, z: Float[Array, ""], y: Float[Array, ""], level: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Secant stiffness of LuGre's bristle from the deflection `z` to `y`, its deflection under `level`."""
     towards = sign(y)
 
     def lost(z):
@@ -99,27 +103,36 @@ def _secant(drive: Drive, z, y, level):
     return jnp.maximum(jnp.where(near, slope, rise), 1e-3 * drive.friction.sigma0)
 
 
-def _level_has_states(drive: Drive) -> bool:
-    """Whether the friction level hangs on states of effects, and is not known before the run."""
+def _level_depends_on_states(drive: Drive) -> bool:
+    """Whether the friction level depends on states of effects, and so is unknown before the run."""
     return any(
         isinstance(effect, AbstractStateEffect) and isinstance(effect, AbstractLevelEffect)
         for effect in drive.effects
     )
 
 
-def _relaxed(z, y0, y1, a):
-    """LuGre's bristle after a step of `a` relaxation lengths towards `y0`, which becomes `y1` meanwhile."""
+def _relaxed(
+    z: Float[Array, ""], y0: Float[Array, ""], y1: Float[Array, ""], a: Float[Array, ""]
+) -> Float[Array, ""]:
+    """LuGre's bristle after a step of `a` relaxation lengths towards a target from `y0` to `y1`."""
     gone = -jnp.expm1(-a)
     small = a < 1e-8
     late = jnp.where(small, 0.5 * a, 1.0 - gone / jnp.where(small, 1.0, a))
     return z + gone * (y0 - z) + late * (y1 - y0)
 
 
-def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped: Array | float = 0.0):
-    """Deflections after the bristles went the `way`, position units, and a piece more in which LuGre's does not slip,
-    `unslipped`: half of it before, half of it after."""
+def _deflected(
+    drive: Drive,
+    bristles: Bristles,
+    z: Float[Array, " bristles"],
+    way: Float[Array, ""],
+    step: _Step,
+    unslipped: Float[Array, ""] | float = 0.0,
+) -> Float[Array, " bristles"]:
+    """Deflections after the bristles moved by `way`, position units, and, without slip of LuGre's bristle, by
+    `unslipped`, half of it before and half of it after."""
     z = jnp.concatenate([z[:1] + 0.5 * unslipped, z[1:]])
-    y0, y1 = sign(way) * step.slips
+    y0, y1 = sign(way) * step.yields
     length = jnp.abs(way) * jnp.mean(1.0 / step.level)
     if not _has_spring_effects(drive) and not drive.has_slip_effects:
         first = _relaxed(z[0], y0, y1, drive.friction.sigma0 * length)
@@ -135,10 +148,17 @@ def _bent(drive: Drive, bristles: Bristles, z, way, step: _Step, unslipped: Arra
     return jnp.concatenate([first[None], bristles.cut(z[1:] + way + unslipped, limit)])
 
 
-def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
+def _steps(
+    drive: Drive,
+    x: Float[Array, " n"],
+    start: Float[Array, " n-1"],
+    end: Float[Array, " n-1"],
+    dt: Float[Array, ""],
+    substeps: int,
+) -> _Step:
     """The steps, two to a substep, each part of shape (steps,); `start` and `end`: velocities of every sample.
 
-    A substep is cut where the velocity turns, else in its middle: no bristle misses a way out and back.
+    A substep is divided where the velocity changes sign, else in its middle, so that no reversal is lost.
     """
     share = jnp.arange(substeps + 1) / substeps
 
@@ -154,21 +174,21 @@ def _steps(drive: Drive, x, start, end, dt, substeps: int) -> _Step:
     part = jnp.where(turns, v0 / jnp.where(turns, v0 - v1, 1.0), 0.5)
     h = dt / substeps * jnp.ravel(jnp.stack([part, 1.0 - part], axis=-1))
     v = pieces(v0, jnp.where(turns, 0.0, 0.5 * (v0 + v1)), v1)
-    # At rest, the level is that of the direction in which the step goes.
+    # At rest, the level is that of the direction of the step.
     towards = sign(jnp.sum(v, axis=-1, keepdims=True))
-    going = towards * jnp.maximum(towards * v, _REST)
+    directed_v = towards * jnp.maximum(towards * v, _REST)
     x = pieces(x0, x0 + (x1 - x0) * part, x1)
-    level = jax.vmap(jax.vmap(drive.level))(x, going)
-    return _Step(h, x, v, going, level, _slips_at(drive, level))
+    level = jax.vmap(jax.vmap(drive.level))(x, directed_v)
+    return _Step(h, x, v, directed_v, level, _yield_deflection(drive, level))
 
 
 def run_imposed(
     drive: Drive,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
-    z0: float | Float[Array, ""],
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
+    z0: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
+    v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
@@ -176,23 +196,23 @@ def run_imposed(
     functions. Arguments as in `imposed_friction`."""
     x, dt, z0, v = real(x), real(dt), real(z0), None if v is None else real(v)
     bristles = drive.bristles()
-    before, after = _limits(x, v, dt)
+    before, after = _velocities(x, v, dt)
 
     def levelled(step: _Step, ends):
-        """`step` with the levels of what is known at both of its `ends`: bristle and states of effects."""
-        if not _level_has_states(drive):
+        """`step` with the levels at both of its `ends`: bristle and states of effects."""
+        if not _level_depends_on_states(drive):
             return step
         level = jnp.stack(
             [
                 drive.level_at(drive.instant(x, v, 0.0, drive.spring_force(z[0]), hidden))
-                for x, v, (z, hidden) in zip(step.x, step.going, ends, strict=True)
+                for x, v, (z, hidden) in zip(step.x, step.directed_v, ends, strict=True)
             ]
         )
-        return step._replace(level=level, slips=_slips_at(drive, level))
+        return step._replace(level=level, yields=_yield_deflection(drive, level))
 
     def motion(step: _Step, end: int, z, hidden):
-        """At one `end`: velocity with which LuGre's bristle slips, what all of them see more, and how the states of
-        effects relax."""
+        """At one `end`: velocity at which LuGre's bristle slips, the additional velocity of all bristles, and the
+        relaxation of the states of effects."""
         now = drive.instant(step.x[end], step.v[end], 0.0, drive.spring_force(z[0]), hidden)
         fast = drive.slip_speed(now)
         return fast, drive.bristle_speed(now) - fast, drive.relaxation(now)
@@ -201,19 +221,19 @@ def run_imposed(
         z, hidden = state
         h, (v0, v1) = step.h, step.v
         if not drive.state_count:
-            return (_bent(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
+            return (_deflected(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
         fast0, more0, flow = motion(step, 0, z, hidden)
         ahead = relaxed(hidden, *flow, h)
         step = levelled(step, [(z, hidden), (z, ahead)])
-        guess = _bent(drive, bristles, z, 0.5 * h * (2.0 * fast0 - v0 + v1), step, h * more0)
+        guess = _deflected(drive, bristles, z, 0.5 * h * (2.0 * fast0 - v0 + v1), step, h * more0)
         fast1, more1, flow1 = motion(step, 1, guess, ahead)
         source, rate = (0.5 * (one + other) for one, other in zip(flow, flow1, strict=True))
         later = relaxed(hidden, source, rate, h)
         step = levelled(step, [(z, hidden), (guess, later)])
-        bent = _bent(drive, bristles, z, 0.5 * h * (fast0 + fast1), step, 0.5 * h * (more0 + more1))
+        bent = _deflected(drive, bristles, z, 0.5 * h * (fast0 + fast1), step, 0.5 * h * (more0 + more1))
         return (bent, later), state
 
-    hidden0 = drive.first_states(Before() if earlier is None else earlier)[: drive.state_count]
+    hidden0 = drive.initial_states(Before() if earlier is None else earlier)[: drive.state_count]
     first = (z0 * jnp.ones(drive.bristle_count), hidden0)
     last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))
     run = jax.tree.map(lambda part, end: jnp.concatenate([part[:: 2 * substeps], end[None]]), run, last)
@@ -228,11 +248,11 @@ def run_imposed(
 
 def imposed_friction(
     drive: Drive,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
-    z0: float | Float[Array, ""],
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
+    z0: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
+    v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
 ) -> Float[Array, " n"]:
@@ -241,7 +261,7 @@ def imposed_friction(
     One scan of fixed length: differentiable by the parameters and by `z0`, and works under vmap. Nothing is checked.
 
     **Arguments:** `drive`, `x` (shape `(n,)`, n at least 2), `z0`, `v` and `substeps` as in `simulate_imposed`; `dt`: s
-    per sample; `earlier`: what came before the first sample, None: power-on and a rest of 1 s.
+    per sample; `earlier`: history before the first sample, None: power-on and a rest of 1 s.
 
     **Returns:** The opposing force, shape `(n,)`, force units.
     """
@@ -249,18 +269,25 @@ def imposed_friction(
 
 
 @eqx.filter_jit
-def _simulate_imposed(drive, x, dt, z0, v, substeps):
+def _simulate_imposed(
+    drive: Drive,
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    z0: Float[Array, ""],
+    v: Float[Array, " n"] | None,
+    substeps: int,
+) -> Trajectory:
     v, z, friction = run_imposed(drive, x, dt, z0, v=v, substeps=substeps)
     return Trajectory(jnp.arange(x.shape[0], dtype=x.dtype) * dt, x, v, z, friction, x, substeps)
 
 
 def simulate_imposed(
     drive: Drive,
-    x: Float[Array, " n"],
-    sample_rate: float,
+    x: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    v: Float[Array, " n"] | None = None,
-    z0: float | Float[Array, ""] = 0.0,
+    v: Real[ArrayLike, " n"] | None = None,
+    z0: Real[ArrayLike, ""] = 0.0,
     substeps: int = 1,
 ) -> Trajectory:
     """Friction force of `drive` when its position is imposed: F = sigma0 z + sigma1 dz/dt + sigma2 v, and the effects.
@@ -297,7 +324,7 @@ def simulate_imposed(
     compiled functions, `InputError` for a number in `x` or `v` that is not finite and a `sample_rate` not above zero.
     """
     require_x64()
-    x, v = real(x), None if v is None else real(v)
+    x, v, rate = real(x), None if v is None else real(v), real(sample_rate)
     if x.ndim != 1 or x.shape[0] < 2:
         raise ValueError(
             f"`x` has shape {x.shape}; `simulate_imposed` takes one motion of shape (n,) with at least 2 samples. "
@@ -310,7 +337,7 @@ def simulate_imposed(
             at = int(np.argmin(np.isfinite(values)))
             cure = "Cut it out, or interpolate over it."
             raise InputError(f"sample {at} is {float(values[at])}", place=f"`{name}`", cure=cure)
-    if not isinstance(sample_rate, Tracer) and not 0.0 < float(sample_rate) < np.inf:
+    if not isinstance(rate, Tracer) and not 0.0 < float(rate) < np.inf:
         cure = "Give samples per second, above zero."
         raise InputError(f"it is {sample_rate}", place="`sample_rate`", cure=cure)
-    return _simulate_imposed(drive, x, 1.0 / real(sample_rate), real(z0), v, int(substeps))
+    return _simulate_imposed(drive, x, 1.0 / rate, real(z0), v, int(substeps))

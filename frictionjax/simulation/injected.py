@@ -1,8 +1,8 @@
-"""An effect's fingerprint without its structure: what the effect would do along a motion that is known already.
+"""Effects as signals: the terms that an effect would add to the equations along a known motion.
 
-The observer keeps the model's motion at the measured one. What an effect adds to the equations of motion can therefore
-be evaluated beforehand, along the observed motion, and injected into the model without it as plain signals. To first
-order in the effect that is exact; and one compiled model serves every effect there is, and the next.
+The observer keeps the model's motion close to the measured one. The terms that an effect adds to the equations of
+motion can therefore be evaluated in advance, along the observed motion, and injected as signals into the model without
+the effect. That is exact to first order in the effect, and one compiled model serves every effect.
 """
 
 import dataclasses
@@ -34,8 +34,7 @@ from frictionjax.physics.effects import (
     Before,
     Now,
 )
-from frictionjax.simulation.fixed import Start
-from frictionjax.simulation.lanes import begin_rows, rows_along, tiled
+from frictionjax.simulation.lanes import Starts, rows_along, start_rows, tiled
 from frictionjax.simulation.load_side import contact, relaxed
 from frictionjax.simulation.observer import Gains, innovation_step
 from frictionjax.simulation.ros2 import State
@@ -51,18 +50,18 @@ class Injection(
 ):
     """Signals in place of an effect, at one sample.
 
-    **Attributes:** `against`, an opposing force; `lift`, a factor on the level G; `bend_force`, what LuGre's bristle
-    carries more (force); `more_slip`, what it slips more (of |v|); `damp`, a factor on sigma1; `slow`, what the
-    bristles' velocity is less (position/s), and `slow_slip`, what that is with which LuGre's slips.
+    **Attributes:** `opposing`, an opposing force; `level_factor`, on the level G; `bristle_force`, added to the force
+    of LuGre's bristle; `slip_change`, added to its slip (of |v|); `damping_factor`, on sigma1; `bristle_creep`,
+    subtracted from the bristles' velocity (position/s), and `slip_creep`, from that at which LuGre's slips.
     """
 
-    against: Float[Array, ""]
-    lift: Float[Array, ""]
-    bend_force: Float[Array, ""]
-    more_slip: Float[Array, ""]
-    damp: Float[Array, ""]
-    slow: Float[Array, ""]
-    slow_slip: Float[Array, ""]
+    opposing: Float[Array, ""]
+    level_factor: Float[Array, ""]
+    bristle_force: Float[Array, ""]
+    slip_change: Float[Array, ""]
+    damping_factor: Float[Array, ""]
+    bristle_creep: Float[Array, ""]
+    slip_creep: Float[Array, ""]
 
     states: ClassVar[int] = 0
     name: ClassVar[str] = "injection"
@@ -74,70 +73,73 @@ class Injection(
         return jnp.zeros(0), jnp.zeros(0)
 
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.slow
+        return self.bristle_creep
 
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.slow_slip
+        return self.slip_creep
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return self.against
+        return self.opposing
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        return level * self.lift
+        return level * self.level_factor
 
     def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
-        return force + self.bend_force
+        return force + self.bristle_force
 
     def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
-        return bend + self.more_slip
+        return bend + self.slip_change
 
     def damping(self, friction: LuGre, v: Float[Array, ""]) -> Float[Array, ""]:
-        return self.damp
+        return self.damping_factor
 
 
-_SILENT = {
-    **{field.name: 1.0 if field.name in ("lift", "damp") else 0.0 for field in dataclasses.fields(Injection)},
-    "more_push": 0.0,
-    "more_rise": 0.0,
-    "more_shown": 0.0,
+_NEUTRAL = {
+    **{
+        field.name: 1.0 if field.name in ("level_factor", "damping_factor") else 0.0
+        for field in dataclasses.fields(Injection)
+    },
+    "motor_force": 0.0,
+    "motor_rise": 0.0,
+    "sensor_error": 0.0,
 }
-"""All that an effect may add to the equations, and its value where there is none: an `Injection`, and what it adds to
-the motor force and to the rise of that within a sample (force), and to what the sensor shows (position units)."""
+"""All terms that an effect may add to the equations, with their neutral values: the fields of `Injection`, and
+additions to the motor force, to its rise within a sample (force), and to the sensor's output (position units)."""
 _SLOTS = 2
-"""Signals that are stored of each effect, at least: one number for all, so that one compiled model serves them."""
+"""Least number of signals that are stored of an effect: equal for most, so that one compiled model serves them."""
 
 
 class Signals(eqx.Module):
-    """An effect along one recording: the signals that it has, `slots`, of shape `(n,)`; and which of the parts that
-    there are each of them is, `places`, shape `(parts, slots)`, of zeros and ones. Most effects have one."""
+    """An effect along one recording: its signals, `slots`, of shape `(n,)`; and to which of the terms each of them
+    belongs, `places`, shape `(parts, slots)`, of zeros and ones. Most effects have one."""
 
     slots: tuple[Float[Array, " n"], ...]
     places: Float[Array, "parts slots"]
 
     def parts(self, here: tuple[Float[Array, ""], ...]) -> dict[str, Float[Array, ""]]:
-        """Every part by name, where the slots are `here`."""
+        """Every term by name, for the values `here` of the slots."""
         more = [sum(w * value for w, value in zip(row, here, strict=True)) for row in self.places]
         return {
-            name: jnp.asarray(silent + added)
-            for (name, silent), added in zip(_SILENT.items(), more, strict=True)
+            name: jnp.asarray(neutral + added)
+            for (name, neutral), added in zip(_NEUTRAL.items(), more, strict=True)
         }
 
 
 def _signals(parts: dict[str, Float[Array, " n"]], n: int) -> Signals:
-    """Signals of shape `(n,)` by the name of the part, as what is added to that part."""
+    """Signals of shape `(n,)` by the name of their term, less the neutral value of that term."""
     empty = [jnp.zeros(n)] * (_SLOTS - len(parts))
-    places = np.zeros((len(_SILENT), max(len(parts), _SLOTS)))
+    places = np.zeros((len(_NEUTRAL), max(len(parts), _SLOTS)))
     for slot, name in enumerate(parts):
-        places[list(_SILENT).index(name), slot] = 1.0
-    return Signals((*(value - _SILENT[name] for name, value in parts.items()), *empty), jnp.asarray(places))
+        places[list(_NEUTRAL).index(name), slot] = 1.0
+    return Signals((*(value - _NEUTRAL[name] for name, value in parts.items()), *empty), jnp.asarray(places))
 
 
 class Along(eqx.Module):
-    """What a model knows along one recording; arrays of shape `(n,)`, plain numbers whatever effects the model has.
+    """Inputs and variables of a model along one recording, shape `(n,)`, whatever effects the model has.
 
     **Attributes:** `u` (recorded input), `push` (motor force) and its `rise` within a sample, `x`, `v`, `z`
-    (LuGre's bristle), `spring` (its force), `level` (G), `w` (velocity that the bristles see), `fast` (that with which
-    LuGre's slips), `lost` (what it slips, of |fast|), `sigma1`, and `a`, the acceleration.
+    (LuGre's bristle), `spring` (its force), `level` (G), `w` (velocity of the bristles), `fast` (that at which
+    LuGre's slips), `lost` (its slip, of |fast|), `sigma1`, and `a`, the acceleration.
     """
 
     u: Float[Array, " n"]
@@ -156,7 +158,8 @@ class Along(eqx.Module):
 
 
 def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
-    """What `drive` knows along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s a sample."""
+    """Inputs and variables of `drive` along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s
+    per sample."""
     bristles = drive.bristles()
 
     def one(state: State, u, push, rise):
@@ -182,7 +185,7 @@ def signals_along(
     dt: Float[Array, ""],
     before: Before,
 ) -> Signals:
-    """What `effect`, at any strength, would add to a model's equations along a known motion.
+    """The terms that `effect`, at any strength, would add to a model's equations along a known motion.
 
     **Arguments:**
 
@@ -190,58 +193,60 @@ def signals_along(
     - `effect`: the effect.
     - `known`: from `along`.
     - `dt`: s per sample.
-    - `before`: what was before the first sample.
+    - `before`: history before the first sample.
     """
     n, found = known.u.shape[0], {}
     if isinstance(effect, AbstractInputEffect):
         applied = effect.apply(known.u, dt)
-        found["more_push"] = motor_constant * (mean_of(applied) - known.u)
+        found["motor_force"] = motor_constant * (mean_of(applied) - known.u)
         if isinstance(applied, Push):
-            found["more_rise"] = motor_constant * applied.rise
+            found["motor_rise"] = motor_constant * applied.rise
     states = effect.states if isinstance(effect, AbstractStateEffect) else 0
-    first = effect.begin(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
+    first = (
+        effect.initial_states(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
+    )
 
     def sample(carry, inputs: tuple[Along, Along]):
         (hidden, plays, load), (here, there) = carry, inputs
         own, parts = Now(here.x, here.v, here.push, here.spring, hidden), {}
         if isinstance(effect, AbstractForceEffect):
-            parts["against"] = effect.force(friction, own)
+            parts["opposing"] = effect.force(friction, own)
         if isinstance(effect, AbstractLevelEffect):
-            parts["lift"] = jnp.maximum(effect.level(here.level, friction, own) / here.level, 0.05)
+            parts["level_factor"] = jnp.maximum(effect.level(here.level, friction, own) / here.level, 0.05)
         if isinstance(effect, AbstractSpringEffect):
-            parts["bend_force"] = effect.spring(here.spring, friction, here.z) - here.spring
+            parts["bristle_force"] = effect.spring(here.spring, friction, here.z) - here.spring
         if isinstance(effect, AbstractSlipEffect):
-            parts["more_slip"] = effect.slip(here.lost, sign(here.fast)) - here.lost
+            parts["slip_change"] = effect.slip(here.lost, sign(here.fast)) - here.lost
         if isinstance(effect, AbstractDampingEffect):
-            parts["damp"] = effect.damping(friction, here.v)
+            parts["damping_factor"] = effect.damping(friction, here.v)
         if isinstance(effect, AbstractCreepEffect):
-            parts["slow"] = effect.bristle_speed(friction, own)
-            parts["slow_slip"] = effect.slip_speed(friction, own)
+            parts["bristle_creep"] = effect.bristle_speed(friction, own)
+            parts["slip_creep"] = effect.slip_speed(friction, own)
         if isinstance(effect, AbstractBristleEffect):
             share, slack = effect.share_and_yield()
             limit = here.level * slack / friction.sigma0
             moved = jnp.clip(plays + here.w * dt, -limit, limit)
             rate = here.w - jnp.abs(here.fast) * here.lost
-            against = friction.sigma0 * jnp.sum(share * (plays - here.z))
-            against = against + here.sigma1 * jnp.sum(share * ((moved - plays) / dt - rate))
-            parts["against"] = parts.get("against", 0.0) + against
+            opposing = friction.sigma0 * jnp.sum(share * (plays - here.z))
+            opposing = opposing + here.sigma1 * jnp.sum(share * ((moved - plays) / dt - rate))
+            parts["opposing"] = parts.get("opposing", 0.0) + opposing
             plays = moved
         if isinstance(effect, AbstractLoadEffect):
             side = effect.load_side()
             a2, touches = contact(side, load)
             free, loss = side.drag * (here.v + load[1]), side.damping * touches
-            # Damping implicit: the fastest couplings would blow up.
+            # Implicit damping: an explicit step of the fastest couplings is unstable.
             faster = load[1] + dt * (a2 - free - here.a) / (1.0 + dt * loss)
-            against = side.ratio * inertia * ((faster - load[1]) / dt + free)
-            parts["against"] = parts.get("against", 0.0) + against
+            opposing = side.ratio * inertia * ((faster - load[1]) / dt + free)
+            parts["opposing"] = parts.get("opposing", 0.0) + opposing
             load = jnp.stack([load[0] + dt * faster, faster])
         if isinstance(effect, AbstractStateEffect):
-            # Source and rate as they are in the mean over the sample, as in the model itself.
+            # Mean source and rate over the sample, as in the model itself.
             source, rate = effect.relax(friction, own)
             ahead = Now(there.x, there.v, here.push, there.spring, relaxed(hidden, source, rate, dt))
             source_1, rate_1 = effect.relax(friction, ahead)
             hidden = relaxed(hidden, 0.5 * (source + source_1), 0.5 * (rate + rate_1), dt)
-        # Also what does not depend on the sample is a signal.
+        # A constant becomes a signal as well.
         parts = {name: part + 0.0 * here.x for name, part in parts.items()}
         return (hidden, plays, load), (parts, own.hidden)
 
@@ -251,11 +256,11 @@ def signals_along(
         after = jax.tree.map(lambda signal: jnp.append(signal[1:], signal[-1]), known)
         _, (parts, hidden) = jax.lax.scan(sample, carry, (known, after))
     else:
-        # Without memory the samples go side by side.
+        # Without memory the samples are independent.
         parts, hidden = jax.vmap(lambda here: sample(carry, (here, here))[1])(known)
     if isinstance(effect, AbstractSensorEffect):
         t = jnp.arange(n, dtype=known.x.dtype) * dt
-        found["more_shown"] = jax.vmap(effect.seen)(known.x, t, hidden) - known.x
+        found["sensor_error"] = jax.vmap(effect.measured)(known.x, t, hidden) - known.x
     return _signals(found | parts, n)
 
 
@@ -266,7 +271,7 @@ def injected_innovations(
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
     gains: Gains,
-    start: Start,
+    start: Starts,
     *,
     substeps: int = 1,
 ) -> Float[Array, "k r n"]:
@@ -276,7 +281,7 @@ def injected_innovations(
     the drives without the effects, the same for all; the others as in `innovations_side_by_side`.
     """
     count, recordings = start[2].shape
-    rows, begin = begin_rows(drives, start[2], start)
+    rows, begin = start_rows(drives, start[2], start)
     slots, places = jax.tree.map(
         lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), (signals.slots, signals.places)
     )
@@ -284,9 +289,9 @@ def injected_innovations(
     def step(fixed, state, shared, slots):
         (drive, places, dt, gains), (push, measured, t) = fixed, shared
         parts = Signals(slots, places).parts(slots)
-        rise = parts.pop("more_rise") + (push.rise if isinstance(push, Push) else 0.0)
-        push = Push(mean_of(push) + parts.pop("more_push"), rise)
-        measured = measured - parts.pop("more_shown")
+        rise = parts.pop("motor_rise") + (push.rise if isinstance(push, Push) else 0.0)
+        push = Push(mean_of(push) + parts.pop("motor_force"), rise)
+        measured = measured - parts.pop("sensor_error")
         now = drive.with_effects(Injection(**parts))
         return innovation_step(now, dt, gains, substeps)(state, (push, measured, t))
 

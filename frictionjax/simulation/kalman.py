@@ -1,12 +1,14 @@
-"""Extended Kalman filter along a recording: the gains that make prediction errors white under measurement noise and a
+"""Extended Kalman filter along a recording: the gains for which innovations are white under measurement noise and a
 small unmeasured force.
 
-    x_meas = x + n,  n ~ (0, noise^2);   J x'' = km u - F + d,  d ~ (0, push^2), held over each sample
+    x_meas = x + n,  n ~ (0, noise^2);   J x'' = km u - F + d,  d ~ (0, disturbance^2), held over each sample
 
-The covariance goes through the linearised step, P+ = A P A' + b b' push^2 (Jazwinski, Stochastic Processes and
+The covariance goes through the linearised step, P+ = A P A' + b b' disturbance^2 (Jazwinski, Stochastic Processes and
 Filtering Theory, 1970, ch. 8). Without the force the gains vanish with time and the prediction is a free run; in stick
-the machine's own spring holds it and they are small; in sliding they are those of a free mass.
+the bristles' stiffness restrains the machine and they are small; in sliding they are those of a free mass.
 """
+
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -17,17 +19,16 @@ from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
 
-_NOTHING, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
+_NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
 
-
-# The creep of a shaken bristle goes one way for long: as a noise that is new at each sample it must be larger. At 30
-# times its variance the innovations of a held machine are white (tests/estimation/test_fit.py), at 10 the filter is
-# lost.
-_LASTING = 30.0
+# The creep of a vibrating bristle keeps its direction for many samples: as white noise it needs a larger variance. With
+# 30 times its variance the innovations of a machine in stick are white (tests/estimation/test_fit.py), with 10 the
+# filter diverges.
+_CREEP_VARIANCE = 30.0
 
 
 class Filtered(eqx.Module):
-    """What the filter found along one recording.
+    """Gains and innovations of the filter along one recording.
 
     **Attributes:** `gain` of each state (x, v, bristles, states of effects) at each sample, shape `(n, m)`;
     `variance` of the innovation, position units squared, and the `innovation`, position units, shape `(n,)`.
@@ -42,12 +43,14 @@ def _flat(state: State) -> Float[Array, " m"]:
     return jnp.concatenate([state.x[None], state.v[None], state.z, state.hidden])
 
 
-def _seen(drive: Drive, flat: Float[Array, " m"], t) -> Float[Array, ""]:
-    """What the sensor of the `drive` shows in a flat state."""
-    return drive.seen(flat[0], t, flat[2 + drive.bristle_count :])
+def _measured(drive: Drive, flat: Float[Array, " m"], t: Float[Array, ""]) -> Float[Array, ""]:
+    """Output of the sensor of the `drive` in a flat state."""
+    return drive.measured(flat[0], t, flat[2 + drive.bristle_count :])
 
 
-def _following(drive: Drive, dt: Float[Array, ""], substeps: int):
+def _flat_step(
+    drive: Drive, dt: Float[Array, ""], substeps: int
+) -> Callable[[Float[Array, " m"], Float[Array, ""] | Push], Float[Array, " m"]]:
     """One sample of the `drive` on flat states: (state, force) -> state."""
     bristles, count = drive.bristles(), drive.bristle_count
 
@@ -64,9 +67,9 @@ def kalman_filter(
     x: Float[Array, " n"],
     dt: Float[Array, ""],
     noise: Float[Array, ""],
-    push: Float[Array, ""],
+    disturbance: Float[Array, ""],
     start: Start,
-    spread: tuple[Float[Array, ""], Float[Array, ""]],
+    start_std: tuple[Float[Array, ""], Float[Array, ""]],
     *,
     substeps: int = 1,
 ) -> Filtered:
@@ -79,65 +82,76 @@ def kalman_filter(
     - `x`: measured position, shape `(n,)`.
     - `dt`: s per sample.
     - `noise`: standard deviation of the measured position, position units.
-    - `push`: standard deviation of the unmeasured force, force units.
-    - `start`: position, velocity and bristle deflection at the first sample; `spread`: the standard deviations of
+    - `disturbance`: standard deviation of the unmeasured force, force units.
+    - `start`: position, velocity and bristle deflection at the first sample; `start_std`: the standard deviations of
         the first two.
     - `substeps`: integration steps per sample.
     """
-    following = _following(drive, dt, substeps)
+    step = _flat_step(drive, dt, substeps)
     first = _flat(state_at(drive, start))
     size, bristles = first.shape[0], drive.bristle_count
     directions = jnp.eye(size + 1)
-    known = jnp.zeros((size, size)).at[0, 0].set(spread[0] ** 2).at[1, 1].set(spread[1] ** 2)
+    covariance = jnp.zeros((size, size)).at[0, 0].set(start_std[0] ** 2).at[1, 1].set(start_std[1] ** 2)
 
     def sample(carry, inputs):
         state, covariance = carry
         motor, measured, t = inputs
-        predicted, row = jax.value_and_grad(lambda flat: _seen(drive, flat, t))(state)
-        told = covariance @ row
-        variance = row @ told + noise**2
-        gain = told / variance
+        predicted, row = jax.value_and_grad(lambda flat: _measured(drive, flat, t))(state)
+        cross = covariance @ row
+        variance = row @ cross + noise**2
+        gain = cross / variance
         innovation = measured - predicted
         state = state + gain * innovation
-        covariance = covariance - gain[:, None] * told[None]
-        # A bent bristle that is shaken creeps, by |v| S/G: at rest the linearised step knows nothing of that. By how
-        # much the mean of |v| is above |mean of v| counts as a noise of the bristle.
+        covariance = covariance - gain[:, None] * cross[None]
+        # A deflected bristle creeps under vibration, by |v| S/G, which the step linearised at rest lacks. The mean of
+        # |v| less |mean of v| counts as process noise of the bristle.
         spring = drive.spring_force(state[2])
         now = drive.instant(state[0], state[1], mean_of(motor), spring, state[2 + bristles :])
         bend = spring / drive.level_at(now)
-        spread = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
-        off = jnp.abs(state[1]) / spread
-        above = spread * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
-        creep = _LASTING * (bend * dt * above) ** 2
+        v_std = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
+        off = jnp.abs(state[1]) / v_std
+        above = v_std * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
+        creep = _CREEP_VARIANCE * (bend * dt * above) ** 2
         covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
 
-        def shaken(state, unmeasured):
-            return following(state, motor + unmeasured)
+        def disturbed(state, unmeasured):
+            return step(state, motor + unmeasured)
 
         state, columns = jax.vmap(
-            lambda way: jax.jvp(shaken, (state, 0.0), (way[:size], way[size])), out_axes=(None, 0)
+            lambda way: jax.jvp(disturbed, (state, 0.0), (way[:size], way[size])), out_axes=(None, 0)
         )(directions)
         moved = columns[:size].T
-        covariance = moved @ covariance @ moved.T + push**2 * columns[size][:, None] * columns[size][None]
+        covariance = (
+            moved @ covariance @ moved.T + disturbance**2 * columns[size][:, None] * columns[size][None]
+        )
         covariance = 0.5 * (covariance + covariance.T)
-        # In sliding the bristle forgets in a few samples: its covariance would go on through the denormal numbers, in
-        # which a processor counts a hundred times slower.
-        covariance = jnp.where(jnp.abs(covariance) > _NOTHING, covariance, 0.0)
+        # In sliding the bristle's covariance decays within a few samples, to denormal numbers, with which a processor
+        # is a hundred times slower.
+        covariance = jnp.where(jnp.abs(covariance) > _NEGLIGIBLE, covariance, 0.0)
         return (state, covariance), (gain, variance, innovation)
 
     return Filtered(
-        *jax.lax.scan(sample, (first, known), (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
+        *jax.lax.scan(sample, (first, covariance), (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
     )
 
 
-def _along(drive: Drive, force, given, dt, gain, start, substeps: int, tell):
-    """What `tell(predicted position, given)` says at each sample as (innovation, output): the outputs, shape `(n,)`."""
-    following = _following(drive, dt, substeps)
+def _along(
+    drive: Drive,
+    force: Float[Array, " n"] | Push,
+    given: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gain: Float[Array, "n m"],
+    start: Start,
+    substeps: int,
+    correct: Callable[[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]],
+) -> Float[Array, " n"]:
+    """Run with given gains; `correct(predicted position, given)` is (innovation, output): the outputs, shape `(n,)`."""
+    step = _flat_step(drive, dt, substeps)
 
     def sample(state, inputs):
         motor, own, weight, t = inputs
-        innovation, output = tell(_seen(drive, state, t), own)
-        return following(state + weight * innovation, motor), output
+        innovation, output = correct(_measured(drive, state, t), own)
+        return step(state + weight * innovation, motor), output
 
     t = jnp.arange(given.shape[0], dtype=given.dtype) * dt
     return jax.lax.scan(sample, _flat(state_at(drive, start)), (force, given, gain, t))[1]
@@ -157,7 +171,9 @@ def predicted_with(
 
     **Arguments:** `gain` as in `Filtered`, shape `(n, m)`; the others as in `kalman_filter`.
     """
-    return _along(drive, force, x, dt, gain, start, substeps, lambda seen, own: (own - seen, own - seen))
+    return _along(
+        drive, force, x, dt, gain, start, substeps, lambda predicted, own: (own - predicted, own - predicted)
+    )
 
 
 def driven_by(
@@ -170,8 +186,10 @@ def driven_by(
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
-    """Positions of which `predicted_with` makes these innovations, position units, shape `(n,)`: its inverse.
+    """Positions for which `predicted_with` returns these innovations, position units, shape `(n,)`: its inverse.
 
     **Arguments:** `innovation`: position units, shape `(n,)`; the others as in `predicted_with`.
     """
-    return _along(drive, force, innovation, dt, gain, start, substeps, lambda seen, own: (own, seen + own))
+    return _along(
+        drive, force, innovation, dt, gain, start, substeps, lambda predicted, own: (own, predicted + own)
+    )

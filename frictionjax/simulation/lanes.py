@@ -1,7 +1,8 @@
-"""Several machines before the same recordings, as rows of one batch: innovations of all of them.
+"""Innovations of several machines on the same recordings, as rows of one batch.
 
 A loop over one long axis fills the vector units; one over two short axes, machines and recordings, takes more than
-twice as long for the same numbers (`python -m benchmarks lanes`). What all machines share is repeated inside the loop.
+twice as long for the same numbers (`python -m benchmarks lanes`). Inputs that all machines share are repeated
+inside the loop.
 """
 
 from collections.abc import Callable
@@ -11,17 +12,25 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from frictionjax.physics import Drive
-from frictionjax.simulation.fixed import Start, state_at
+from frictionjax.physics.effects import Before
+from frictionjax.simulation.fixed import state_at
 from frictionjax.simulation.observer import Gains, innovation_step
+from frictionjax.simulation.ros2 import State
+
+Starts = (
+    tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, "k r"]]
+    | tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, "k r"], Before]
+)
+"""`Start` of `k` machines in each of `r` recordings: only the deflection of the bristle differs between machines."""
 
 
 def tiled(tree: PyTree, count: int) -> PyTree:
-    """All rows of every array of a `tree` `count` times over, one lot after the other; inside compiled functions."""
+    """Every array of a `tree` tiled `count` times along its rows (a b a b); inside compiled functions."""
     return jax.tree.map(lambda leaf: jnp.tile(leaf, (count, *[1] * (leaf.ndim - 1))), tree)
 
 
 def repeated(tree: PyTree, count: int) -> PyTree:
-    """Each row of every array of a `tree` `count` times, one after the other; inside compiled functions."""
+    """Every row of every array of a `tree` repeated `count` times (a a b b); inside compiled functions."""
     return jax.tree.map(lambda leaf: jnp.repeat(leaf, count, axis=0), tree)
 
 
@@ -33,8 +42,8 @@ def rows_along(
     **Arguments:**
 
     - `step`: `(fixed, state, shared, own) -> (state, output)` of one row at one sample.
-    - `count`: times that the rows of `shared` are repeated.
-    - `fixed`, `begin`: what does not change, and the first state, arrays of shape `(count r, ...)`.
+    - `count`: how often the rows of `shared` are repeated.
+    - `fixed`, `begin`: constants and first state, arrays of shape `(count r, ...)`.
     - `shared`, `own`: inputs, arrays of shape `(r, n)`, and of shape `(count r, n)`.
     """
 
@@ -45,7 +54,7 @@ def rows_along(
     return jax.lax.scan(sample, begin, jax.tree.map(jnp.transpose, (shared, own)))[1].T
 
 
-def begin_rows(drives: Drive, z0: Float[Array, "k r"], start: Start):
+def start_rows(drives: Drive, z0: Float[Array, "k r"], start: Starts) -> tuple[Drive, State]:
     """Each of the `drives`, leaves of shape `(k, ...)`, at the first sample of each recording: the drives by rows, and
     their states there; `start` as in `innovations_side_by_side`."""
     count, recordings = z0.shape
@@ -64,7 +73,7 @@ def innovations_side_by_side(
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
     gains: Gains,
-    start: Start,
+    start: Starts,
     *,
     substeps: int = 1,
 ) -> Float[Array, "k r n"]:
@@ -77,12 +86,12 @@ def innovations_side_by_side(
     - `dt`: s per sample.
     - `gains`: of the observer, one per recording.
     - `start`: position and velocity at the first sample, shape `(r,)`, the bristle's deflection there, shape `(k, r)`,
-        and what was before (leaves of leading size `r`).
+        and the history before (leaves of leading size `r`).
     - `substeps`: integration steps per sample.
     """
     z0 = start[2]
     count, recordings = z0.shape
-    rows, begin = begin_rows(drives, z0, start)
+    rows, begin = start_rows(drives, z0, start)
     times, every = tiled((dt, gains), count)
     force = jax.vmap(lambda drive, u, dt: drive.applied_force(u, dt))(rows, jnp.tile(u, (count, 1)), times)
 

@@ -1,4 +1,4 @@
-"""A second inertia behind a coupling, and states that relax: what the schemes share beside the bristles.
+"""A second inertia behind a coupling, and states that relax: shared by the integration schemes.
 
 d = x2 - x1,  w = d',   x2'' = a2(d, w) - D x2',   x1'' = f/J1 - (J2/J1) a2,   a2 = -K dz(d) - C w (in contact)
 """
@@ -16,7 +16,7 @@ def relaxed(
     rate: Float[Array, " m"],
     h: Float[Array, ""],
 ) -> Float[Array, " m"]:
-    """States `hidden` after `h` s of h' = source - rate h: exact for a `source` and `rate` (1/s) that last."""
+    """States `hidden` after `h` s of h' = source - rate h: exact for constant `source` and `rate` (1/s)."""
     path = rate * h
     small = path < 1e-6
     kept = jnp.where(small, 1.0 - 0.5 * path, -jnp.expm1(-path) / jnp.where(small, 1.0, path))
@@ -24,13 +24,13 @@ def relaxed(
 
 
 def contact(side: LoadSide, load: Float[Array, " 2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Acceleration a2 of the second inertia `side` by its coupling in the state `load` (d, w), and whether it touches
-    (1 or 0)."""
+    """Acceleration a2 of the second inertia `side` by its coupling in the state `load` (d, w), and whether there is
+    contact (1 or 0)."""
     # Without a gap, d = 0 is in contact like any other d: jnp.clip would halve its derivative there.
     inside = jnp.abs(load[0]) < side.half_gap
     beyond = jnp.where(inside, 0.0, load[0] - jnp.sign(load[0]) * side.half_gap)
     pull = -side.stiffness * beyond - side.damping * load[1]
-    # The flanks of a gap push and never pull: while they part, the damper of the contact lets go first.
+    # The flanks of a gap push and never pull: the contact opens when its damper would pull.
     apart = inside | ((pull * load[0] > 0.0) & (side.half_gap > 0.0))
     return jnp.where(apart, 0.0, pull), jnp.where(apart, 0.0, 1.0)
 
@@ -38,7 +38,7 @@ def contact(side: LoadSide, load: Float[Array, " 2"]) -> tuple[Float[Array, ""],
 def two_inertias(
     drive: Drive, force: Float[Array, ""], v: Float[Array, ""], load: Float[Array, " m"]
 ) -> tuple[Float[Array, ""], Float[Array, " m"]]:
-    """Acceleration of the motor at velocity `v` under the `force` that motor and friction leave, and rates of the
+    """Acceleration of the motor at velocity `v` under the `force` of motor and friction, and rates of the
     `load` states (d, w), of shape `(2,)`; `(0,)` where there is no second inertia."""
     side = drive.load_side
     if side is None:

@@ -1,8 +1,8 @@
-"""Prediction errors of a drive whose state is corrected by the measurement: a fixed-gain observer.
+"""A fixed-gain observer: innovations of a drive whose state is corrected by the measurement.
 
-One formula for stick and for sliding, for open and for closed loop: only the recorded input enters. With white
+One formula serves stick and sliding, open and closed loop: only the recorded input enters. With white
 measurement noise and the true model, the root mean square of the innovation is a constant of the method times the
-noise (`innovation_gain`), so that "nothing is missing" is an absolute statement.
+noise (`innovation_gain`), so that the innovation of a complete model has a known size.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,9 @@ from jaxtyping import Array, Float
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, advance
+
+Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""]]
+"""Motor force, measured position and time of a sample."""
 
 
 class Gains(eqx.Module):
@@ -48,9 +51,9 @@ def innovation_gain(gains: Gains) -> Float[Array, "..."]:
 
 
 class Observed(eqx.Module):
-    """What the observer saw, before each correction; shape `(n,)` (`z`: `(n, bristles)`).
+    """Innovations and predicted states, before each correction; shape `(n,)` (`z`: `(n, bristles)`).
 
-    **Attributes:** `innovation` x_measured - x_predicted, and what was predicted: `x`, `v`, `z`, and `hidden`,
+    **Attributes:** `innovation` x_measured - x_predicted, and the prediction: `x`, `v`, `z`, and `hidden`,
     the states of effects.
     """
 
@@ -61,38 +64,44 @@ class Observed(eqx.Module):
     hidden: Float[Array, "n m"]
 
 
-def corrected(drive: Drive, slack, state: State, innovation, gains: Gains) -> State:
+def corrected(
+    drive: Drive, slack: Float[Array, " n"], state: State, innovation: Float[Array, ""], gains: Gains
+) -> State:
     """State after the correction by one innovation; `slack` as in `Bristles`.
 
-    The gains are those by which what the sensor shows is corrected, and the velocity. A sensor that comes late trails a
-    motion that is corrected to be faster by more: its states are what they would be had it always been so fast, and the
-    position is corrected by as much more. Were only the position corrected, the lag would lie in the observer's loop,
-    and white noise would leave other innovations (`innovation_gain`) than it does beside any other effect.
+    The gains apply to the sensor's output and to the velocity. The error of a lagging sensor grows with velocity: its
+    states are corrected to their steady values for the corrected velocity, and the position by the same amount more.
+    Correcting the position alone would put the lag into the observer's loop and change the innovations of white noise
+    (`innovation_gain`).
     """
     faster, further, hidden = gains.velocity * innovation, gains.position * innovation, state.hidden
-    if drive.sensor_remembers:
+    if drive.sensor_has_states:
         hidden = hidden + drive.sensor_states(faster)
         start = jnp.zeros_like(state.x)
-        further = further + drive.seen(state.x, start, state.hidden) - drive.seen(state.x, start, hidden)
+        further = (
+            further + drive.measured(state.x, start, state.hidden) - drive.measured(state.x, start, hidden)
+        )
     x, v = state.x + further, state.v + faster
-    # In stick the bristle moves with the machine, so it is corrected with it; a bristle that slips is not. What
-    # counts is the level at this velocity: against Fs, sliding bristles would be corrected too, and a model with a
-    # needle of static friction would buy itself a faster observer.
+    # In stick the bristle moves with the machine and is corrected with it; a slipping bristle is not. The level is
+    # that at this velocity: with Fs instead, sliding bristles would be corrected too, and a model with a narrow peak of
+    # static friction would gain a faster observer.
     spring = drive.spring_force(state.z[0])
     level = drive.level_at(drive.instant(x, v, 0.0, spring, state.hidden))
-    # LuGre's bristle follows with the part of the motion that it does not lose, by whatever law it slips.
+    # LuGre's bristle follows with the part of the motion that is not slip, whatever the law of slip.
     lost = jnp.abs(drive.slip(spring / level, v))[None]
     elements = jnp.abs(state.z[1:]) / (slack[1:] * level / drive.friction.sigma0)
     stuck = jnp.maximum(0.0, 1.0 - jnp.concatenate([lost, elements]))
-    return State(x, v, state.z + further * stuck, _left_behind(drive, hidden, further, faster))
+    return State(x, v, state.z + further * stuck, _load_kept(drive, hidden, further, faster))
 
 
-def _left_behind(drive: Drive, hidden: Float[Array, " m"], further, faster) -> Float[Array, " m"]:
-    """The `hidden` states when the motor is corrected to be `further` and `faster`: what is known of the load stays
-    what it was.
+def _load_kept(
+    drive: Drive, hidden: Float[Array, " m"], further: Float[Array, ""], faster: Float[Array, ""]
+) -> Float[Array, " m"]:
+    """The `hidden` states when the motor is corrected by `further` and `faster`: the absolute motion of the load is
+    kept.
 
-    A load that went along with the motor would keep its twist whatever is measured; so the spring tells the observer of
-    the load, and the twist is corrected as fast as the motor is.
+    If the load were corrected with the motor, the twist of the coupling would never be corrected. This way it is
+    corrected as fast as the motor, and the spring makes the load observable.
     """
     if drive.load_side is None:
         return hidden
@@ -145,7 +154,7 @@ def observe(
 
     def sample(state, inputs):
         push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, t, state.hidden)
+        innovation = measured - drive.measured(state.x, t, state.hidden)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z, state.hidden)
@@ -164,7 +173,7 @@ def innovations(
     *,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
-    """The innovations of `observe` alone, shape `(n,)`: what fits and tests are made of.
+    """The innovations of `observe` alone, shape `(n,)`, as fits and tests use them.
 
     **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps` as in `observe`.
     """
@@ -173,13 +182,15 @@ def innovations(
     return jax.lax.scan(step, state_at(drive, start), (force, x, t))[1]
 
 
-def innovation_step(drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int) -> Callable:
+def innovation_step(
+    drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int
+) -> Callable[[State, Sample], tuple[State, Float[Array, ""]]]:
     """One sample of `innovations`: (state, (force, measured position, time)) -> (state, innovation)."""
     bristles = drive.bristles()
 
     def sample(state, inputs):
         push, measured, t = inputs
-        innovation = measured - drive.seen(state.x, t, state.hidden)
+        innovation = measured - drive.measured(state.x, t, state.hidden)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation
 

@@ -1,13 +1,13 @@
-"""`predict_ahead`: where the drive will be some time ahead, from what has been measured until now.
+"""`predict_ahead`: position some time ahead, predicted from the measurements so far.
 
-A free run from the first sample adds up every small error of the model; the innovation sees one sample at a time.
-Between the two lies what a user feels: the error after a stated time, from a state that the measurement has corrected.
+A free run from the first sample accumulates every small error of the model; the innovation covers a single sample.
+In between is the error after a stated time, from a state that the measurement has corrected.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
@@ -16,7 +16,7 @@ from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
 from frictionjax.simulation.ros2 import advance
 
-# Free runs go side by side in batches of this many: enough to fill the vector units, few enough to stay in the cache.
+# Free runs in a batch: enough to fill the vector units, few enough to fit the cache.
 _BATCH = 1024
 
 
@@ -31,7 +31,7 @@ def run_ahead(
     stride: int,
     substeps: int = 1,
 ) -> Float[Array, " n"]:
-    """`predict_ahead` from what the observer with these `gains` `observed`; for use inside compiled functions."""
+    """`predict_ahead` from `observed`, a run of the observer with these `gains`; for use inside compiled functions."""
     n = observed.x.shape[0]
     runs = -(-(n - horizon) // stride)
     if runs <= 0:
@@ -39,36 +39,48 @@ def run_ahead(
     bristles = drive.bristles()
     begin = jnp.arange(runs) * stride
     first = jax.tree.map(lambda leaf: leaf[begin], corrected_states(drive, observed, gains))
-    # The last run may leave the recording: what it would predict there is cut off below.
+    # The last run may extend beyond the recording: its prediction there is cut off below.
     padded = jax.tree.map(lambda leaf: jnp.concatenate([leaf, jnp.zeros(stride)]), force)
 
     def free_run(state, begin):
         def sample(state, inputs):
             push, t = inputs
-            return advance(drive, bristles, state, push, dt, substeps), drive.seen(state.x, t, state.hidden)
+            return advance(drive, bristles, state, push, dt, substeps), drive.measured(
+                state.x, t, state.hidden
+            )
 
         push = jax.tree.map(
             lambda leaf: jax.lax.dynamic_slice(leaf, (begin,), (horizon + stride - 1,)), padded
         )
         t = jnp.asarray(begin + jnp.arange(horizon + stride), dtype=dt.dtype) * dt
         state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
-        return jnp.concatenate([passed[horizon:], drive.seen(state.x, t[-1], state.hidden)[None]])
+        return jnp.concatenate([passed[horizon:], drive.measured(state.x, t[-1], state.hidden)[None]])
 
     ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
     return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])
 
 
 @eqx.filter_jit
-def _predict_ahead(drive, force, x, dt, gains, start, horizon, stride, substeps):
+def _predict_ahead(
+    drive: Drive,
+    force: Float[Array, " n"] | Push,
+    x: Float[Array, " n"],
+    dt: Float[Array, ""],
+    gains: Gains,
+    start: Start,
+    horizon: int,
+    stride: int,
+    substeps: int,
+) -> Float[Array, " n"]:
     observed = observe(drive, force, x, dt, gains, start, substeps=substeps)
     return run_ahead(drive, force, observed, dt, gains, horizon=horizon, stride=stride, substeps=substeps)
 
 
 def predict_ahead(
     drive: Drive,
-    force: Float[Array, " n"] | Push,
-    x: Float[Array, " n"],
-    dt: float | Float[Array, ""],
+    force: Real[ArrayLike, " n"] | Push,
+    x: Real[ArrayLike, " n"],
+    dt: Real[ArrayLike, ""],
     gains: Gains,
     start: Start,
     *,
@@ -89,13 +101,13 @@ def predict_ahead(
     - `dt`: s per sample.
     - `gains`: from `observer_gains`.
     - `start`: position, velocity and bristle deflection at the first sample.
-    - `horizon`: samples to look ahead, at least 1.
+    - `horizon`: samples ahead, at least 1.
     - `stride`: samples from one start to the next, at least 1. The work grows as n (horizon + stride)/stride.
     - `substeps`: integration steps per sample.
 
     **Returns:**
 
-    Predicted position, shape `(n,)`; the first `horizon` samples, which no run reaches, hold the observer's own.
+    Predicted position, shape `(n,)`; the first `horizon` samples, which no run reaches, are the observer's predictions.
 
     **Raises:**
 
@@ -103,18 +115,20 @@ def predict_ahead(
     and `x` are not of one length.
     """
     require_x64()
-    force, x = jax.tree.map(real, force), real(x)
-    if x.ndim != 1 or mean_of(force).shape != x.shape:
-        raise ValueError(f"`force` has shape {mean_of(force).shape} and `x` {x.shape}; both must be (n,).")
+    applied, measured = jax.tree.map(real, force), real(x)
+    if measured.ndim != 1 or mean_of(applied).shape != measured.shape:
+        raise ValueError(
+            f"`force` has shape {mean_of(applied).shape} and `x` {measured.shape}; both must be (n,)."
+        )
     if horizon < 1 or stride < 1:
         raise ValueError(f"`horizon` is {horizon} and `stride` {stride}; both count samples and start at 1.")
     return _predict_ahead(
         drive,
-        force,
-        x,
+        applied,
+        measured,
         real(dt),
         jax.tree.map(real, gains),
-        tuple(real(value) for value in start),
+        jax.tree.map(real, start),
         horizon,
         stride,
         substeps,

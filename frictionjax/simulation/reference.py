@@ -1,13 +1,13 @@
-"""`simulate_reference`: the same model by an adaptive implicit method, to judge the production scheme by.
+"""`simulate_reference`: the same model by an adaptive implicit method, to verify the fixed-step scheme.
 
-It shares the equations of `frictionjax.physics` with `simulate`, and nothing else. A step size that adapts to a smooth
-stretch may step over a change of the input without noticing; so every sample instant is declared as a jump.
+It shares the equations of `frictionjax.physics` with `simulate`, and nothing else. A step size adapted to a
+smooth interval may skip a change of the input; so every sample instant is declared as a jump.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real, sign
@@ -20,14 +20,24 @@ _CORNER = 1e-2
 
 
 @eqx.filter_jit
-def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
-    import diffrax  # it loads slowly, and only those wait who judge the scheme
+def _simulate_reference(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    x0: Float[Array, ""],
+    v0: Float[Array, ""],
+    z0: Float[Array, ""],
+    rtol: Float[Array, ""],
+    atol: Float[Array, ""],
+    max_steps: int,
+) -> Trajectory:
+    import diffrax  # it loads slowly, and only this reference needs it
 
     bristles = drive.bristles()
     force = drive.applied_force(u, dt)
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
-    # One unit of the scaled state is a bristle bent to break-away, and the speed of its free oscillation at that
-    # amplitude: position, velocity and deflection then meet the same tolerances.
+    # The state is scaled by the break-away deflection and by the velocity of a free oscillation of that amplitude, so
+    # that position, velocity and deflection have the same tolerances.
     bend = drive.friction.Fs / drive.friction.sigma0
     speed = bend * jnp.sqrt(drive.friction.sigma0 / drive.J)
 
@@ -89,17 +99,17 @@ def _simulate_reference(drive, u, dt, x0, v0, z0, rtol, atol, max_steps):
     friction = jax.vmap(lambda x, v, z, own, push: drive.friction_force(bristles, x, v, z, dt, own, push)[0])(
         x, v, z, hidden, mean_of(force)
     )
-    return Trajectory(t, x, v, z, friction, jax.vmap(drive.seen)(x, t, hidden))
+    return Trajectory(t, x, v, z, friction, jax.vmap(drive.measured)(x, t, hidden))
 
 
 def simulate_reference(
     drive: Drive,
-    u: Float[Array, " n"],
-    sample_rate: float,
+    u: Real[ArrayLike, " n"],
+    sample_rate: Real[ArrayLike, ""],
     *,
-    x0: float | Float[Array, ""] = 0.0,
-    v0: float | Float[Array, ""] = 0.0,
-    z0: float | Float[Array, ""] = 0.0,
+    x0: Real[ArrayLike, ""] = 0.0,
+    v0: Real[ArrayLike, ""] = 0.0,
+    z0: Real[ArrayLike, ""] = 0.0,
     rtol: float = 1e-9,
     atol: float = 1e-12,
     max_steps: int = 10_000_000,
@@ -107,10 +117,10 @@ def simulate_reference(
     """Simulate `drive` on the sampled input `u`, held between samples, as exactly as float64 allows.
 
     Kvaerno's implicit method of order 5 with adaptive steps: some hundred to a thousand times slower than `simulate`,
-    for single runs. Works under jit and in forward-mode derivatives. Two things are not exact: what an effect of the
-    input lets change within a sample is a straight line, as in `simulate`; and elasto-slip elements go from sticking to
-    slipping over the last hundredth of their yield (0.5 % of the motion), because an adaptive method stalls at a sharp
-    corner.
+    for single runs. Works under jit and in forward-mode derivatives. Two things are not exact: a force that an effect
+    of the input changes within a sample is a straight line, as in `simulate`; and elasto-slip elements go from sticking
+    to slipping over the last hundredth of their yield (0.5 % of the motion), because an adaptive method stalls at a
+    sharp corner.
 
     **Arguments:**
 
@@ -120,7 +130,7 @@ def simulate_reference(
     - `x0`, `v0`, `z0`: position, velocity and bristle deflection at the first sample.
     - `rtol`, `atol`: relative tolerance, and absolute one in units of the break-away deflection Fs/sigma0 (position,
       deflection) and of Fs/sqrt(sigma0 J) (velocity).
-    - `max_steps`: number of steps after which it gives up.
+    - `max_steps`: most steps before it stops with an error.
 
     **Returns:**
 

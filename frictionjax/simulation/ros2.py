@@ -1,11 +1,11 @@
-"""One step of the production scheme: a two-stage Rosenbrock W-method, second order and L-stable.
+"""One step of the fixed-step scheme: a two-stage Rosenbrock W-method, second order and L-stable.
 
     (I - g h A) k1 = f(y),   (I - g h A) k2 = f(y + h k1) - 2 k1,   y+ = y + 3/2 h k1 + 1/2 h k2,   g = 1 - 1/sqrt(2)
 
-(Verwer, Spee, Blom, Hundsdorfer 1999). The order does not rest on A, so A holds only what is stiff: the bristles,
-their damping and the viscous force. A is an arrow (each bristle meets the others only through v) and is solved by
-elimination, whatever the number of bristles; a second inertia behind a coupling goes the same way. |v| is never
-smoothed: at rest that would let the bristles creep. Forces that depend on the position (springs, ripple) are outside
+(Verwer, Spee, Blom, Hundsdorfer 1999). The order does not depend on A, so A contains only the stiff terms: the
+bristles, their damping and the viscous force. A is an arrow matrix (bristles couple only through v) and is solved by
+elimination, whatever the number of bristles; a second inertia behind a coupling is eliminated likewise. |v| is never
+smoothed: that would make the bristles creep at rest. Forces that depend on the position (springs, ripple) are outside
 A: they must be slow against the step, k h^2/J below 4.
 """
 
@@ -21,7 +21,7 @@ _GAMMA = 1.0 - 0.5**0.5
 # Under forces m - d and m + d in the two stages a mass goes m h^2/(2 J) - d (1/2 - g) h^2/J; a line that rises by r
 # takes it m h^2/(2 J) - r h^2/(12 J).
 _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
-# A bristle never bends beyond G/sigma0; this many times as far is more than a good step ever throws it.
+# A bristle never deflects beyond G/sigma0; an accurate step stays below this multiple of it.
 _BENT = 2.5
 
 
@@ -46,11 +46,11 @@ def ros2_step(
 ) -> State:
     """Advance `state` by `h` s under the motor force `force`, held over the step, or a `Push` that changes in it.
 
-    Without `exact_derivative` the derivatives of A are left out of what is differentiated. As the order does not rest
-    on A, derivatives stay correct to second order in `h`, at less than half the cost: right for the Jacobians of fits.
+    Without `exact_derivative` the derivatives of A are left out of what is differentiated. As the order does not
+    depend on A, derivatives stay correct to second order in `h`, at less than half the cost: for the Jacobians of fits.
     """
     friction = drive.friction
-    # Each stage takes its own force: by these two a mass comes to the position that the line takes it to.
+    # Each stage has its own force: with these two a mass reaches the same position as under the line.
     mean = early = late = mean_of(force)
     if isinstance(force, Push):
         early, late = mean - _APART * force.rise, mean + _APART * force.rise
@@ -66,13 +66,13 @@ def ros2_step(
 
     def opposing(spring, rate, beside, bent, damped, sigma1):
         """Equation (1): `spring` force and `rate` of LuGre's bristle; `bent` and `damped`, the sums over the others."""
-        # Nothing is added where there are no others: the compiler may not drop a product with zero.
+        # Without other elements nothing is added: the compiler may not drop a product with zero.
         if alone:
             return spring + sigma1 * rate + beside
         return first * spring + friction.sigma0 * bent + sigma1 * (first * rate + damped) + beside
 
     def slips(bend, speed):
-        """What LuGre's bristle loses of its velocity, over |speed|, and the derivative of that by `bend`."""
+        """Slip velocity of LuGre's bristle over |speed|, and its derivative by `bend`."""
         if not drive.has_slip_effects:
             return bend, 1.0
         return jax.jvp(lambda bent: drive.slip(bent, speed), (bend,), (jnp.ones_like(bend),))
@@ -82,9 +82,8 @@ def ros2_step(
     sigma1 = drive.sigma1(v)
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
 
-    # What depends on the velocity, and its derivatives: one evaluation gives f and what A needs of it. States of
-    # effects relax by their own exact step: they stay outside A. The bristles see the velocity w, and LuGre's slips
-    # with s.
+    # The terms that depend on the velocity, with their derivatives: one evaluation gives f and its part of A. States of
+    # effects relax by their own exact step, outside A. The velocity of the bristles is w, and LuGre's slips with s.
     def moving(speed):
         now = drive.instant(x, speed, mean, spring, state.hidden)
         speeds = drive.bristle_speed(now), drive.slip_speed(now)
@@ -97,16 +96,16 @@ def ros2_step(
     bend = spring * softness
     lost, lost_b = slips(bend, s)
     rate = w - jnp.abs(s) * lost
-    # An elasto-slip element moves with the machine until it yields: h times its mean rate is how far it gets.
+    # An elasto-slip element moves with the machine until it yields: h times its mean rate is its change of deflection.
     limit = level * slack
     plays = bristles.cut(state.z[1:], limit)
     bent = moved = stuck = bent_1 = moved_1 = 0.0
     if not alone:
         bent, moved = total(plays), total(bristles.cut(plays + h * w, limit) - plays) / h
     friction_now = opposing(spring, rate, beside, bent, moved, sigma1)
-    # Across a velocity reversal the bristle rate, which grows with |v|, may rise from nothing to far beyond 1/h. A is
-    # then taken at the speed that the step heads for, if it is the larger one; elsewhere at the present speed, which
-    # keeps the step L-stable. The level stays that of the present speed, and its slope is left out there.
+    # Across a velocity reversal the bristle rate, which grows with |v|, may rise from zero to far beyond 1/h. A is then
+    # evaluated at the speed ahead, if that is larger; elsewhere at the present speed, which keeps the step L-stable.
+    # The level stays that of the present speed, and its slope is left out there.
     ahead = v + h * (mean - friction_now) * mobility
     turns = (ahead + v) * v < 0.0
 
@@ -115,7 +114,7 @@ def ros2_step(
 
     fast = faster(s, s_v)
     if drive.has_force_effects:
-        # A viscous force that is stronger on the other side must be met with that strength, or the step runs away.
+        # A viscous force that is stronger on the other side must enter A with that strength, or the step is unstable.
         def beyond(speed):
             return drive.parallel_force(drive.instant(x, speed, mean, spring, state.hidden))
 
@@ -145,7 +144,7 @@ def ros2_step(
         # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
         heavy = side.ratio / (1.0 - side.ratio)
         a2, touches = contact(side, load)
-        # Its own friction is slow: no need to be implicit.
+        # Its own friction is slow and explicit.
         free = side.drag * (v + load[1])
         yielding = touches * (gh * side.damping + gh * gh * side.stiffness)
         below_v = below_v + heavy * yielding / (1.0 + yielding)
@@ -181,7 +180,7 @@ def ros2_step(
     limit_1 = level_1 * slack
     if not alone:
         middle = plays + h * (0.5 * (w + w1))
-        # Both stages weigh alike: this makes their mean the exact mean, so that the impulse of the damping is exact.
+        # Both stages have equal weight: this makes their mean, and so the impulse of the damping, exact.
         moved_1 = 2.0 * total(bristles.cut(middle, limit) - plays) / h - moved
         bent_1 = total(bristles.cut(middle, limit_1))
     friction_1 = opposing(spring_1, rate_1, drive.parallel_force(now_1), bent_1, moved_1, drive.sigma1(v1))
@@ -200,8 +199,8 @@ def ros2_step(
     k2_x = v1 - 2.0 * k1_x + gh * k2_v
     x2, v2 = x + h * (1.5 * k1_x + 0.5 * k2_x), v + h * (1.5 * k1_v + 0.5 * k2_v)
     z2 = z + h * (1.5 * k1_z + 0.5 * k2_z)
-    # A step across a reversal at a bristle rate far above 1/h can throw LuGre's bristle further than it can bend. What
-    # is too much is taken back, and with it the blow that its damping gave the mass: J v + sigma1 z stays as it was.
+    # A step across a reversal at a bristle rate far above 1/h can overshoot the largest deflection of LuGre's bristle.
+    # The excess is removed, and with it the impulse of its damping on the mass: J v + sigma1 z is conserved.
     highest = jnp.maximum(jnp.maximum(level, level_1), friction.Fs)
     bound = jax.lax.stop_gradient(_BENT * highest / friction.sigma0)
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
@@ -214,7 +213,7 @@ def ros2_step(
         z2 = jnp.concatenate([z2, bristles.cut(plays + way, limit_1)])
     following = [hidden]
     if own:
-        # Source and rate as they are in the mean: second order, and stable however fast a state forgets.
+        # Mean source and rate: second order, and stable at any rate.
         flow_1 = drive.relaxation(now_1)
         following = [
             relaxed(hidden, 0.5 * (flow[0] + flow_1[0]), 0.5 * (flow[1] + flow_1[1]), h),

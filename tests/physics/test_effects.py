@@ -329,7 +329,7 @@ def test_effects_batch(form):
         hidden = 1e-3 * jnp.ones(drive.hidden_count)
         friction = drive.friction_force(drive.bristles(), x, v, z, H, hidden, 0.3)
         flow = drive.relaxation(drive.instant(x, v, 0.3, 0.0, hidden))
-        return drive.applied_force(u, dt), friction, flow, drive.seen(x, dt, hidden), drive.load_side
+        return drive.applied_force(u, dt), friction, flow, drive.measured(x, dt, hidden), drive.load_side
 
     def make(value):
         return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))

@@ -297,13 +297,13 @@ def test_sensors_show_what_they_should():
     x, t, none = jnp.asarray(1.3e-4), jnp.asarray(0.0123), jnp.zeros(0)
     wave = 2e-7 * np.sin(2 * np.pi * 1.3e-4 / 4e-4) + 3e-7 * np.cos(2 * np.pi * 1.3e-4 / 4e-4)
     made = effect("EncoderError", sine=2e-7, cosine=3e-7)
-    assert float(made.seen(x, t, none)) == pytest.approx(1.3e-4 + wave, rel=1e-12)
+    assert float(made.measured(x, t, none)) == pytest.approx(1.3e-4 + wave, rel=1e-12)
     overtone = 1e-7 * np.sin(4 * np.pi * 1.3e-4 / 4e-4) - 4e-7 * np.cos(4 * np.pi * 1.3e-4 / 4e-4)
     made = effect("EncoderErrorWithOvertone", sine=2e-7, cosine=3e-7, sine2=1e-7, cosine2=-4e-7)
-    assert float(made.seen(x, t, none)) == pytest.approx(1.3e-4 + wave + overtone, rel=1e-12)
+    assert float(made.measured(x, t, none)) == pytest.approx(1.3e-4 + wave + overtone, rel=1e-12)
     hum = 2e-7 * np.sin(2 * np.pi * 60.0 * 0.0123) + 3e-7 * np.cos(2 * np.pi * 60.0 * 0.0123)
     made = effect("MainsPickup", sine=2e-7, cosine=3e-7, frequency=60.0)
-    assert float(made.seen(x, t, none)) == pytest.approx(1.3e-4 + hum, rel=1e-12)
+    assert float(made.measured(x, t, none)) == pytest.approx(1.3e-4 + hum, rel=1e-12)
 
 
 @pytest.mark.parametrize("lag", [0.0, 1e-4, 2.5e-3])
@@ -378,7 +378,7 @@ def test_every_strength_and_state_has_a_derivative_at_zero(form):
         drive = TABLE_I.with_effects(effect(form, **dict(zip(names, size * strengths, strict=True))))
         push = drive.applied_force(u, DT)[-1]
         state = advance(drive, drive.bristles(), initial_state(drive, *start), push, DT, 1)
-        return jnp.stack([1e5 * drive.seen(state.x, DT, state.hidden), 1e2 * state.v, 1e5 * state.z[0]])
+        return jnp.stack([1e5 * drive.measured(state.x, DT, state.hidden), 1e2 * state.v, 1e5 * state.z[0]])
 
     @jax.jit
     @jax.vmap

@@ -97,7 +97,7 @@ BAD = {
         rows(lambda rows: [row + ",0" for row in rows[1:]]),
         ["run.csv", "no header was found", "1, 2, 3, 4"],
     ),
-    "a name twice": (spoiled(1, "t,u,x", "t,x,x"), ["run.csv", "`x` stands over more than one column"]),
+    "a name twice": (spoiled(1, "t,u,x", "t,x,x"), ["run.csv", "more than one column `x`"]),
     "x constant": (
         rows(lambda rows: [row.rsplit(",", 1)[0] + ",0.5" if k else row for k, row in enumerate(rows)]),
         ["run.csv", "x is constant (0.5)", "Check the sensor"],

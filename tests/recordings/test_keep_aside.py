@@ -1,4 +1,4 @@
-"""One recording alone: its end is kept aside."""
+"""A single recording: its end is held out."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ def _csv(folder, rows=900):
     return file
 
 
-def test_of_a_single_file_the_last_third_is_kept_aside_and_said(tmp_path):
-    with pytest.warns(FrictionjaxWarning, match=r"the last third \(0.3 s\) was kept aside"):
+def test_of_a_single_file_the_last_third_is_held_out_and_reported(tmp_path):
+    with pytest.warns(FrictionjaxWarning, match=r"the last third \(0.3 s\) was held out"):
         case = case_from_files(_csv(tmp_path))
     (fit,), (held,) = case.fit_recordings, case.holdout_recordings
     assert (fit.name, held.name) == ("run", "run_last_third")
@@ -31,7 +31,7 @@ def test_of_a_single_file_the_last_third_is_kept_aside_and_said(tmp_path):
     np.testing.assert_allclose(np.concatenate([fit.x, held.x]), np.cos(7.0 * t))
     np.testing.assert_allclose(np.concatenate([fit.u, held.u]), np.sin(9.0 * t))
     assert held.start_time == pytest.approx(0.6)
-    assert "A second recording judges better" in fit.warnings[-1]
+    assert "A second recording validates better" in fit.warnings[-1]
 
 
 def test_with_a_holdout_nothing_is_divided_and_nothing_said(tmp_path, recwarn):

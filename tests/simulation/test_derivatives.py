@@ -100,7 +100,7 @@ def test_each_effect_of_zero_strength_changes_no_bit(form):
         TABLE_I.parallel_force(TABLE_I.instant(x, v))
     )
     assert float(drive.bristles().share[0]) == 1.0
-    assert float(drive.seen(x, dt, jnp.zeros(drive.hidden_count))) == float(x)
+    assert float(drive.measured(x, dt, jnp.zeros(drive.hidden_count))) == float(x)
     assert float(drive.sigma1(v)) == float(TABLE_I.sigma1(v))
     assert float(drive.slip(x / 1e-3, v)) == float(x / 1e-3)
     assert float(drive.bristle_speed(drive.instant(x, v))) == float(v)

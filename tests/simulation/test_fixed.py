@@ -203,7 +203,7 @@ def test_the_number_of_steps_is_found_and_keeps_its_word(plant, relative):
         assert float(jnp.max(jnp.abs(half.x - finer.x))) > 0.05 * step
 
 
-def test_a_tolerance_that_cannot_be_met_and_a_missing_one_are_told():
+def test_a_tolerance_that_cannot_be_met_and_a_missing_one_are_refused():
     u = _input(TABLE_I, 2.0)
     with pytest.raises(ValueError, match="needs a positive `encoder_step` or `tolerance`"):
         simulate(TABLE_I, u, RATE, substeps="auto")

@@ -164,7 +164,7 @@ def test_other_numbers_compile_nothing():
     assert programs(call(ROTARY, 1, 31.0)) == []
 
 
-def test_what_does_not_fit_is_told():
+def test_what_does_not_fit_is_refused():
     x = np.zeros(5)
     with pytest.raises(ValueError, match=r"`x` has shape \(5, 2\).*jax\.vmap"):
         simulate_imposed(TABLE_I, np.zeros((5, 2)), 200.0)

@@ -1,4 +1,4 @@
-"""The Kalman filter: under the true model its innovations are white, of the variance that it tells."""
+"""The Kalman filter: under the true model its innovations are white, of the variance that it reports."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +21,7 @@ SENSORS = {
 
 @pytest.fixture(scope="module", params=SENSORS)
 def filtered(request):
-    """The stage in motion under a force that is not measured, seen by a sensor with noise."""
+    """The stage in motion under a force that is not measured, measured by a sensor with noise."""
     drive = STAGE.with_effects(*SENSORS[request.param])
     rng = np.random.default_rng(8)
     Fc, v0 = float(STAGE.friction.Fc), 0.5
@@ -32,7 +32,7 @@ def filtered(request):
     measured = run.measured + noise * rng.standard_normal(N)
     force = jnp.full(N, 1.3 * Fc)
     at = tuple(jnp.asarray(value) for value in start.values())
-    told = kalman_filter(
+    found = kalman_filter(
         drive,
         force,
         measured,
@@ -42,19 +42,19 @@ def filtered(request):
         at,
         (jnp.asarray(1e-9), jnp.asarray(1e-9)),
     )
-    return drive, force, measured, at, told
+    return drive, force, measured, at, found
 
 
-def test_innovations_are_white_and_of_the_variance_that_is_told(filtered):
-    told = filtered[-1]
-    unit = np.asarray(told.innovation / jnp.sqrt(told.variance))
+def test_innovations_are_white_and_of_the_variance_it_reports(filtered):
+    found = filtered[-1]
+    unit = np.asarray(found.innovation / jnp.sqrt(found.variance))
     assert abs(np.mean(unit**2) - 1.0) < 3.0 * np.sqrt(2.0 / N)
     for lag in (1, 2, 5, 20):
         assert abs(np.mean(unit[lag:] * unit[:-lag])) < 3.0 / np.sqrt(N), lag
 
 
 def test_given_gains_lead_from_positions_to_innovations_and_back(filtered):
-    drive, force, measured, at, told = filtered
-    innovation = predicted_with(drive, force, measured, DT, told.gain, at)
-    np.testing.assert_allclose(innovation, told.innovation, atol=1e-12)
-    np.testing.assert_allclose(driven_by(drive, force, innovation, DT, told.gain, at), measured, atol=1e-12)
+    drive, force, measured, at, found = filtered
+    innovation = predicted_with(drive, force, measured, DT, found.gain, at)
+    np.testing.assert_allclose(innovation, found.innovation, atol=1e-12)
+    np.testing.assert_allclose(driven_by(drive, force, innovation, DT, found.gain, at), measured, atol=1e-12)

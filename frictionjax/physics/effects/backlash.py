@@ -20,7 +20,7 @@ class Backlash(AbstractLoadEffect):
     - `gap`: free way from contact to contact, position units.
     - `frequency`: of the load in contact with the motor blocked, Hz.
     - `damping`: damping ratio of the same.
-    - `drag`: viscous friction of the load itself over J2, 1/s: it decides when the load crosses the gap.
+    - `drag`: viscous friction of the load itself over J2, 1/s: it determines when the load crosses the gap.
     """
 
     ratio: Float[Array, "..."] = eqx.field(converter=real, default=0.0)

@@ -1,7 +1,7 @@
 """Effects: physics that the base model leaves out. Orthogonal slots, one abstract class each.
 
 Every strength is zero at the base model, and the model is differentiable there. An effect may fill several slots: a
-state that goes on from sample to sample (`AbstractStateEffect`), and the friction level that depends on it.
+state that continues from sample to sample (`AbstractStateEffect`), and the friction level that depends on it.
 """
 
 import dataclasses
@@ -19,13 +19,13 @@ from frictionjax.physics.push import Push
 
 
 class About(eqx.Module):
-    """What people should know of an effect.
+    """Description of an effect for users.
 
     **Attributes:** `sentence` (what it is), `equation`, `shows` (where it shows), `confused_with` (names of
-    effects with a similar fingerprint), `split_by` (the experiment that tells it from those), `source`, `needs` (what
-    recordings must hold to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`, `"clock"`,
-    `"angle"`, `"motor force"`), `one_law` (whether its law is the same on every machine, so that under its right name
-    next to nothing is left).
+    effects with a similar signature), `split_by` (the experiment that distinguishes it from those), `source`, `needs`
+    (what recordings must contain to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`,
+    `"clock"`, `"angle"`, `"motor force"`), `one_law` (whether its equation is exact on every machine, so that the right
+    effect leaves almost no residual).
     """
 
     sentence: str = eqx.field(static=True)
@@ -39,7 +39,7 @@ class About(eqx.Module):
 
 
 class Now(eqx.Module):
-    """What an effect may look at, at one instant: position `x`, velocity `v`, motor force `push` (held over the step),
+    """The inputs of an effect at one instant: position `x`, velocity `v`, motor force `push` (held over the step),
     force of LuGre's bristle `spring`, and the effect's own states `hidden`, shape `(states,)`."""
 
     x: Float[Array, ""]
@@ -54,7 +54,7 @@ TEMPERATURES = 9
 
 
 class Before(eqx.Module):
-    """What came before a recording, as far as it is known.
+    """History before a recording, as far as it is known.
 
     **Attributes:** `clock` (s since power-on at its first sample), `rest` (s that the machine rested before it), and
     the paths travelled before, `path` (position units, shape `(k,)`), each so many s ago, `age` (shape `(k,)`).
@@ -73,7 +73,7 @@ class Before(eqx.Module):
 
 
 class AbstractEffect(eqx.Module):
-    """One missing effect. Final subclasses are found by `catalogue`; several forms may share a `name`."""
+    """One missing effect. `catalogue` finds the final subclasses; several forms may share a `name`."""
 
     name: eqx.AbstractClassVar[str]
     about: eqx.AbstractClassVar[About]
@@ -81,7 +81,7 @@ class AbstractEffect(eqx.Module):
     nuisances: eqx.AbstractClassVar[tuple[Parameter, ...]]
 
     def silenced(self) -> "AbstractEffect":
-        """The same effect with every strength at zero: it does nothing, and compiled code stays as it is."""
+        """The same effect with every strength at zero: the base model, without another compilation."""
         return dataclasses.replace(
             self, **{p.name: jnp.zeros_like(getattr(self, p.name)) for p in self.strengths}
         )
@@ -92,7 +92,7 @@ class AbstractInputEffect(AbstractEffect):
 
     @abstractmethod
     def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
-        """Input `u` (shape (n,), held for `dt` s) as the plant receives it: held, or a `Push` of input units where it
+        """Input `u` (shape (n,), held for `dt` s) as it acts on the plant: held, or a `Push` of input units where it
         changes within a sample."""
 
 
@@ -100,15 +100,15 @@ class AbstractSensorEffect(AbstractEffect):
     """Slot: the path from the position to the measurement."""
 
     @abstractmethod
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        """What the sensor shows for a `position` (position units) `t` s after the first sample; `hidden`: the effect's
+        """Output of the sensor for a `position` (position units) `t` s after the first sample; `hidden`: the effect's
         own states, shape `(states,)`."""
 
 
 class AbstractForceEffect(AbstractEffect):
-    """Slot: a force beside the friction, J x'' = km u - F - force."""
+    """Slot: a force added to the friction, J x'' = km u - F - force."""
 
     @abstractmethod
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
@@ -140,7 +140,7 @@ class AbstractSlipEffect(AbstractEffect):
 
     @abstractmethod
     def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
-        """What replaces `bend`, the bristle's force over the level G (1 in steady sliding, where it must stay 1), for
+        """Replacement of `bend`, the bristle's force over the level G (1 in steady sliding, where it must stay 1), for
         motion in `direction` (+1 or -1)."""
 
 
@@ -153,7 +153,7 @@ class AbstractDampingEffect(AbstractEffect):
 
 
 class AbstractStateEffect(AbstractEffect):
-    """Slot: states of its own that go on from sample to sample, each relaxing: h' = source - rate h."""
+    """Slot: states of its own that continue from sample to sample, each relaxing: h' = source - rate h."""
 
     states: eqx.AbstractClassVar[int]
 
@@ -161,8 +161,8 @@ class AbstractStateEffect(AbstractEffect):
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         """`source` and `rate` (1/s, not negative) of the states for what is `now`; `friction` gives scales."""
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
-        """States at the first sample of a recording, given what was `before`; zero unless the effect knows better.
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+        """States at the first sample of a recording, given what was `before`; zero by default.
 
         `friction` gives scales.
         """
@@ -170,17 +170,17 @@ class AbstractStateEffect(AbstractEffect):
 
 
 class AbstractCreepEffect(AbstractStateEffect):
-    """Slot: states in series with the bristles, which then see another velocity."""
+    """Slot: states in series with the bristles, which changes the velocity of the bristles."""
 
     @abstractmethod
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        """Velocity that the bristles see less than the machine has, position/s, for what is `now`; `friction` gives
+        """Velocity of the machine minus that of the bristles, position/s, for what is `now`; `friction` gives
         scales."""
 
     @abstractmethod
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        """What LuGre's bristle slips slower than the machine moves (|w| in (2)), position/s, for what is `now`;
-        `friction` gives scales."""
+        """Velocity of the machine minus that at which LuGre's bristle slips (|w| in (2)), position/s, for what is
+        `now`; `friction` gives scales."""
 
 
 class AbstractBristleEffect(AbstractEffect):
@@ -224,12 +224,12 @@ LOAD_DRAG = Parameter(
     upper=100.0,
     grid=(1.0,),
 )
-"""What the load rubs by itself, in all second inertias."""
+"""Friction of the load itself, the same parameter for every second inertia."""
 
 
 class AbstractLoadEffect(AbstractEffect):
-    """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive takes one
-    at most. `chaotic`: whether its contacts make derivatives of the motion useless."""
+    """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive has one
+    at most. `chaotic`: whether its contacts make the motion chaotic, and its derivatives useless."""
 
     chaotic: ClassVar[bool] = False
     strengths: ClassVar[tuple[Parameter, ...]] = (

@@ -1,4 +1,4 @@
-"""The catalogue: every effect that lives in a file of this folder. Adding one takes one file, no change here."""
+"""The catalogue: every effect in a file of this folder. A new effect takes one file and no change here."""
 
 import importlib
 import inspect
@@ -13,7 +13,7 @@ def catalogue() -> dict[str, tuple[type[AbstractEffect], ...]]:
 
     **Returns:**
 
-    A dict; the forms of one name differ in equation (polynomial, periodic ...), not in what they are.
+    A dict; the forms of one name are the same effect in different equations (polynomial, periodic ...).
     """
     forms: dict[str, list[type[AbstractEffect]]] = {}
     for module in pkgutil.iter_modules([str(Path(__file__).parent)]):

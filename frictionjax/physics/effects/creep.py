@@ -1,4 +1,4 @@
-"""Presliding displacement that goes on under a constant force."""
+"""Presliding displacement that continues under a constant force."""
 
 import dataclasses
 from typing import ClassVar
@@ -13,11 +13,11 @@ from frictionjax.physics.effects.base import About, AbstractCreepEffect, Now
 from frictionjax.physics.lugre import LuGre
 
 _ABOUT = About(
-    sentence="presliding creep: displacement that goes on under a constant force",
+    sentence="presliding creep: displacement that continues under a constant force",
     equation="d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant, dz/dt = w - |w| F_z/G, w = v - d x_c/dt",
-    shows="holds and slow loads below break-away",
+    shows="constant and slow loads below break-away",
     confused_with=("maxwell_slip", "dwell_strengthening", "viscoelastic_damping"),
-    split_by="a force held below break-away for ten seconds, and let go",
+    split_by="a constant force below break-away for ten seconds, then released",
     source="Rizos, Fassois 2004",
     needs=("presliding",),
 )
@@ -30,15 +30,15 @@ _TIME_CONSTANT = Parameter(
 
 
 class _AbstractKelvinVoigt(AbstractCreepEffect):
-    """Kelvin-Voigt elements in series: what they creep by, the bristle does not bend."""
+    """Kelvin-Voigt elements in series: their creep is not deflection of the bristle."""
 
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         source, rate = self.relax(friction, now)
         return jnp.sum(source - rate * now.hidden)
 
 
-class _AbstractBeside(_AbstractKelvinVoigt):
-    """Elements beside the contact: the bristle slips with what it sees itself."""
+class _AbstractOutsideContact(_AbstractKelvinVoigt):
+    """Elements outside the contact: the bristle slips with its own velocity."""
 
     def slip_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         return self.bristle_speed(friction, now)
@@ -52,10 +52,10 @@ def _one_element(
     return source[None], jnp.broadcast_to(1.0 / creep.time_constant, (1,))
 
 
-class Creep(_AbstractBeside):
+class Creep(_AbstractOutsideContact):
     """A Kelvin-Voigt element in series with the bristle: d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant.
 
-    The bristle sees v - d x_c/dt.
+    The velocity of the bristle is v - d x_c/dt.
 
     **Arguments:**
 
@@ -79,9 +79,9 @@ class Creep(_AbstractBeside):
 class CreepingSlip(_AbstractKelvinVoigt):
     """A Kelvin-Voigt element within the bristle: d x_c/dt = (compliance F_z/sigma0 - x_c)/time_constant.
 
-    LuGre's law holds for what bristle and element bend together, z + x_c: it slips with the whole velocity v, also
-    while it is the element that moves. The creep of `Creep` is beside the contact: there the bristle slips with what it
-    sees itself, v - d x_c/dt. Near break-away the two differ: here a slow load moves the machine further.
+    LuGre's law applies to the joint deflection z + x_c of bristle and element: the bristle slips with the whole
+    velocity v, also while the element creeps. The creep of `Creep` is outside the contact: there the bristle slips with
+    its own velocity, v - d x_c/dt. Near break-away the two differ: here a slow load moves the machine further.
 
     **Arguments:**
 
@@ -109,7 +109,7 @@ class CreepingSlip(_AbstractKelvinVoigt):
         return jnp.zeros(())
 
 
-class TwoStageCreep(_AbstractBeside):
+class TwoStageCreep(_AbstractOutsideContact):
     """Two Kelvin-Voigt elements in series with the bristle, a fast and a slow one.
 
     **Arguments:**
@@ -143,8 +143,8 @@ class TwoStageCreep(_AbstractBeside):
         return self.compliance * now.spring / friction.sigma0 * part * rate, rate
 
 
-class LogarithmicCreep(_AbstractBeside):
-    """Kelvin-Voigt elements in series, one a decade and alike: under a constant force x_c grows with log t.
+class LogarithmicCreep(_AbstractOutsideContact):
+    """Equal Kelvin-Voigt elements in series, one a decade: under a constant force x_c grows with log t.
 
     From `shortest` to a thousand times as long the growth per decade is `compliance` F_z/sigma0.
 

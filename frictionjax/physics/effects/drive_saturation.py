@@ -19,13 +19,13 @@ _LARGEST = Parameter("largest", "{input}", "largest input", "none", scale="u", g
 
 class SoftSaturation(AbstractInputEffect):
     """u -> u/(1 + k (|u|/largest)^sharpness)^(1/sharpness), k = (1 - cut)^-sharpness - 1: an amplifier's soft limit
-    (Rapp 1991), largest/k^(1/sharpness). Drives differ in how sharply they bend towards it.
+    (Rapp 1991), largest/k^(1/sharpness). Drives differ in the sharpness of the bend.
 
     **Arguments:**
 
     - `cut`: part of the largest input that has no effect.
     - `sharpness`: of the bend; a high one comes near a hard limit.
-    - `largest`: largest input that the recordings hold, input units (not fitted).
+    - `largest`: largest input in the recordings, input units (not fitted).
     """
 
     cut: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
@@ -61,7 +61,7 @@ class HardSaturation(AbstractInputEffect):
     **Arguments:**
 
     - `cut`: part of the largest input that has no effect.
-    - `largest`: largest input that the recordings hold, input units (not fitted).
+    - `largest`: largest input in the recordings, input units (not fitted).
     """
 
     cut: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
@@ -82,6 +82,6 @@ class HardSaturation(AbstractInputEffect):
         size = jnp.abs(u)
         limit = (1.0 - self.cut) * self.largest
         clipped = jnp.where(size < limit, u, jnp.sign(u) * limit)
-        # A cut of zero is the base model, also for larger inputs; a small one is felt by the largest samples alone.
-        felt = jnp.where(size == self.largest, self.cut * self.largest, 0.0)
-        return jnp.where(self.cut > 0.0, clipped, u - jnp.sign(u) * felt)
+        # A cut of zero is the base model, also for larger inputs; a small one acts on the largest samples only.
+        affected = jnp.where(size == self.largest, self.cut * self.largest, 0.0)
+        return jnp.where(self.cut > 0.0, clipped, u - jnp.sign(u) * affected)

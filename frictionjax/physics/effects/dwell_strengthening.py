@@ -1,4 +1,4 @@
-"""Static friction that grows with time at rest: contacts age."""
+"""Static friction that grows with time at rest: ageing of contacts."""
 
 from typing import ClassVar
 
@@ -12,12 +12,12 @@ from frictionjax.physics.effects.base import About, AbstractLevelEffect, Abstrac
 from frictionjax.physics.lugre import LuGre
 
 _CONFUSED = ("stribeck_shape", "nonlinear_bristle", "creep")
-_SHOWS = "break-away after holds of different length"
-_SPLIT = "the same break-away ramp after holds of 0.1, 1 and 10 s"
+_SHOWS = "break-away after rests of different length"
+_SPLIT = "the same break-away ramp after rests of 0.1, 1 and 10 s"
 
 
 def _slip(friction: LuGre, now: Now) -> Float[Array, ""]:
-    """How fast the contacts slip: LuGre's |v| |F_z|/G(v). A bristle that only bends keeps its contact."""
+    """Velocity at which the contacts slip: LuGre's |v| |F_z|/G(v). A bristle that only deflects keeps its contact."""
     return jnp.abs(now.v) * jnp.minimum(jnp.abs(now.spring) / friction.level(now.v), 1.0)
 
 
@@ -55,7 +55,7 @@ class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
             lower=0.0,
             upper=0.3,
             probes=(0.005, 0.05),
-            # A base fit has put the growth into Fs, and a narrow Stribeck curve.
+            # A base fit without this effect absorbs the growth in Fs and in a narrow Stribeck curve.
             other_start=0.05,
         ),
     )
@@ -75,7 +75,7 @@ class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         return jnp.ones(1), (_slip(friction, now) / self.length)[None]
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
         return before.rest[None]
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
@@ -123,7 +123,7 @@ class SaturatingStrengthening(AbstractStateEffect, AbstractLevelEffect):
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         return jnp.ones(1), (_slip(friction, now) * friction.sigma0 / friction.Fs)[None]
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
         return before.rest[None]
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:

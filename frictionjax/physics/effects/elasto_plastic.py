@@ -16,8 +16,8 @@ class ElastoPlastic(AbstractSlipEffect):
 
     alpha is 0 for |b| below `core` and where z and v have opposite signs, rises with w = (|b| - core)/(1 - core) as
     1/2 - ((1 - overtone) cos(pi w) + overtone cos(3 pi w))/2, and is 1 from |b| = 1 on. Dupont's half cosine has no
-    overtone; what a bristle does between the two is not known beforehand, and another rise taken for this one shifts
-    the break-away deflection by far more than its standard error.
+    overtone. The true rise is unknown, and a wrong one biases the break-away deflection by far more than its standard
+    error.
 
     **Arguments:**
 
@@ -48,7 +48,7 @@ class ElastoPlastic(AbstractSlipEffect):
             lower=0.0,
             upper=1.0,
             probes=(0.05, 0.5),
-            # Half plastic is no machine: between the two models the misfit has walls.
+            # No machine is half plastic, and between the two models the misfit has local maxima.
             other_start=0.95,
         ),
     )

@@ -2,16 +2,14 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
-from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSensorEffect
-from frictionjax.physics.waves import wave
+from frictionjax.physics.waves import AbstractWave, AbstractWaveWithOvertone, wave_strengths
 
 
-class EncoderError(AbstractSensorEffect):
+class EncoderError(AbstractWave, AbstractSensorEffect):
     """x -> x + sine sin(2 pi x/period) + cosine cos(2 pi x/period) is measured.
 
     **Arguments:**
@@ -19,10 +17,6 @@ class EncoderError(AbstractSensorEffect):
     - `sine`, `cosine`: amplitudes, position units.
     - `period`: position units.
     """
-
-    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     name: ClassVar[str] = "encoder_error"
     about: ClassVar[About] = About(
@@ -32,21 +26,20 @@ class EncoderError(AbstractSensorEffect):
         confused_with=("ripple", "torque_ripple"),
         split_by="the same stroke at two speeds: an error of position stays, a force weighs less when fast",
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("sine", "{position}", "sine amplitude", scale="step", probes=(1.0,)),
-        Parameter("cosine", "{position}", "cosine amplitude", scale="step", probes=(1.0,)),
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
+        "{position}", "amplitude", scale="step", probe=1.0
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter("period", "{position}", "period of the error", "log", scale="sensor_period", grid="period"),
     )
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        return position + wave(position / self.period, (self.sine, self.cosine))
+        return position + self.wave(position)
 
 
-class EncoderErrorWithOvertone(AbstractSensorEffect):
+class EncoderErrorWithOvertone(AbstractWaveWithOvertone, AbstractSensorEffect):
     """x -> x + sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2, is measured: offsets and
     unequal amplitudes of the two signals that are interpolated make one wave each.
 
@@ -56,24 +49,14 @@ class EncoderErrorWithOvertone(AbstractSensorEffect):
     - `period`: position units.
     """
 
-    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
-
     name: ClassVar[str] = EncoderError.name
     about: ClassVar[About] = EncoderError.about
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        *EncoderError.strengths,
-        Parameter("sine2", "{position}", "sine amplitude at half the period", scale="step", probes=(1.0,)),
-        Parameter(
-            "cosine2", "{position}", "cosine amplitude at half the period", scale="step", probes=(1.0,)
-        ),
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
+        "{position}", "amplitude", scale="step", probe=1.0, overtone=True
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = EncoderError.nuisances
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
-        return position + wave(position / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))
+        return position + self.wave(position)

@@ -21,9 +21,9 @@ def _three(name: str, meaning: str, lower: float, upper: float) -> tuple[Paramet
 class FewElements(AbstractBristleEffect):
     """Part of the bristle stiffness is carried by four parallel elements that stick, then slip at their own deflection.
 
-    Where a few contacts carry most of the load no smooth distribution of yields (`MaxwellSlip`) holds them. The mean
-    of the yields, weighted by stiffness, is Fs/sigma0: stiffness at the origin and sliding level stay those of the base
-    model.
+    Where a few contacts carry most of the load, no smooth distribution of yields (`MaxwellSlip`) describes them. The
+    mean of the yields, weighted by stiffness, is Fs/sigma0: stiffness at the origin and sliding level stay those of the
+    base model.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Friction level that follows velocity with a delay: the film of the lubricant takes time."""
+"""Friction level that follows velocity with a delay, as the lubricant film builds up."""
 
 from typing import ClassVar
 
@@ -17,7 +17,7 @@ _SHORTEST = 1e-9  # s
 class FrictionLag(AbstractStateEffect, AbstractLevelEffect):
     """G(v) -> G(w) with lag dw/dt = v - w.
 
-    At `lag` 0 the derivative is zero by construction: what the lag does shows at a finite step.
+    At `lag` 0 the derivative is zero by construction: the effect of a lag shows at a finite step.
 
     **Arguments:**
 

@@ -26,7 +26,7 @@ class LoadDependence(AbstractLevelEffect):
     about: ClassVar[About] = About(
         sentence="friction that grows with transmitted force",
         equation="G -> G + growth |km u|",
-        shows="hard accelerations and loaded moves, beside the same speed without load",
+        shows="hard accelerations and loaded moves, compared with the same speed without load",
         confused_with=("nonlinear_bristle", "elasto_plastic", "drive_saturation"),
         split_by="the same slow moves with and without an external load",
         source="Hamon, Gautier, Janot 2010; Duclusaud, Passault et al. 2024",

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSensorEffect
-from frictionjax.physics.waves import wave
+from frictionjax.physics.waves import wave, wave_strengths
 
 
 class MainsPickup(AbstractSensorEffect):
@@ -31,15 +31,14 @@ class MainsPickup(AbstractSensorEffect):
         shows="a line at 50 or 60 Hz, also at rest and whatever the input",
         one_law=True,
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("sine", "{position}", "sine amplitude", scale="step", probes=(1.0,)),
-        Parameter("cosine", "{position}", "cosine amplitude", scale="step", probes=(1.0,)),
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
+        "{position}", "amplitude", scale="step", probe=1.0
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter("frequency", "Hz", "mains frequency", "none", grid=(50.0, 60.0)),
     )
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
         return position + wave(self.frequency * t, (self.sine, self.cosine))

@@ -16,8 +16,8 @@ class MaxwellSlip(AbstractBristleEffect):
 
     The yield deflections have mean Fs/sigma0 and logarithms spread * q + skew * q^2 (up to a constant), with q evenly
     spaced in (-1, 1): a small spread means elements that yield together, a large one hysteresis from the first
-    micrometre on. (LuGre's own virgin curve, an exponential, is near spread 1.9 and skew -0.5; what differs is the
-    memory at reversals.) Stiffness at the origin and sliding level stay those of the base model.
+    micrometre on. (LuGre's own virgin curve, an exponential, is near spread 1.9 and skew -0.5; only the memory at
+    reversals differs.) Stiffness at the origin and sliding level stay those of the base model.
 
     **Arguments:**
 
@@ -30,7 +30,7 @@ class MaxwellSlip(AbstractBristleEffect):
     spread: Float[Array, "..."] = eqx.field(converter=real, default=1.5)
     skew: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
-    # A processor takes eight numbers at once.
+    # The width of a processor's vector unit.
     count: ClassVar[int] = 8
     name: ClassVar[str] = "maxwell_slip"
     about: ClassVar[About] = About(

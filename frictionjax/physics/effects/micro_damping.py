@@ -30,7 +30,7 @@ class MicroDamping(AbstractDampingEffect):
         equation="sigma1 -> sigma1 (1 - fall (1 - exp(-(v/speed)^2)))",
         shows="the first instants after break-away and after reversals",
         confused_with=("delay", "drive_lag"),
-        split_by="sudden break-away and reversals at several accelerations, beside presliding noise",
+        split_by="sudden break-away and reversals at several accelerations, besides presliding noise",
         source="Olsson 1996",
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (

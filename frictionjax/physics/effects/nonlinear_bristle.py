@@ -23,7 +23,7 @@ _ABOUT = About(
     source="Lampaert, Swevers, Al-Bender 2002; the conjecture that ends Hensen et al. 2002",
 )
 _HARDENING = (
-    # Below -1/2 the bristle could not carry break-away; at -0.4 it bends to 2.2 times Fs/sigma0.
+    # Below -1/2 the bristle could not carry break-away; at -0.4 it deflects to 2.2 times Fs/sigma0.
     Parameter(
         "hardening", "1", "relative rise of stiffness", lower=-0.4, upper=5.0, probes=(0.03, -0.1, 0.5)
     ),
@@ -31,8 +31,8 @@ _HARDENING = (
 
 
 def _secant(bend: Float[Array, ""], hardening: Float[Array, ""]) -> Float[Array, ""]:
-    """Secant stiffness over sigma0 at the deflection `bend` over Fs/sigma0. A bristle that softens saturates: a cubic
-    would turn down and carry less the further it bends."""
+    """Secant stiffness over sigma0 at the deflection `bend` over Fs/sigma0. A softening bristle saturates: the force
+    of a cubic would fall again at large deflections."""
     softer = hardening < 0.0
     square = bend * bend
     return jnp.where(
@@ -43,7 +43,7 @@ def _secant(bend: Float[Array, ""], hardening: Float[Array, ""]) -> Float[Array,
 
 
 class NonlinearBristle(AbstractSpringEffect):
-    """F_z = sigma0 z (1 + hardening (sigma0 z/Fs)^2): stiffer when bent; softer where `hardening` is negative,
+    """F_z = sigma0 z (1 + hardening (sigma0 z/Fs)^2): stiffer with deflection; softer where `hardening` is negative,
     F_z = sigma0 z/sqrt(1 - 2 hardening (sigma0 z/Fs)^2), which is the same to first order.
 
     **Arguments:**
@@ -89,7 +89,7 @@ class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
         return force * _secant(bend, self.hardening)
 
     def _deflection(self, force: Float[Array, ""]) -> Float[Array, ""]:
-        # Beyond break-away a bristle that softens could carry no more: the deflection goes on in proportion.
+        # Beyond break-away a softening bristle could carry no more: the deflection continues in proportion.
         within = jnp.clip(force, -1.0, 1.0)
         softer = self.hardening < 0.0
         square = within * within

@@ -10,7 +10,7 @@ from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
 from frictionjax.physics.lugre import LuGre
-from frictionjax.physics.waves import wave
+from frictionjax.physics.waves import AbstractWave, wave_strengths
 
 _ABOUT = About(
     sentence="friction whose level varies along the stroke",
@@ -27,7 +27,7 @@ class PositionDependence(AbstractLevelEffect):
     **Arguments:**
 
     - `linear`, `quadratic`: relative change of the level along the stroke.
-    - `center`, `half_stroke`: the stroke that the recordings cover, position units (not fitted).
+    - `center`, `half_stroke`: the stroke of the recordings, position units (not fitted).
     """
 
     linear: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
@@ -47,12 +47,12 @@ class PositionDependence(AbstractLevelEffect):
     )
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        # Outside the stroke the polynomial would run away; a friction level does not.
+        # Outside the stroke the polynomial would diverge; a friction level does not.
         p = jnp.clip((now.x - self.center) / self.half_stroke, -1.2, 1.2)
         return level * (1.0 + self.linear * p + self.quadratic * (1.5 * p * p - 0.5))
 
 
-class PeriodicPositionDependence(AbstractLevelEffect):
+class PeriodicPositionDependence(AbstractWave, AbstractLevelEffect):
     """G -> G (1 + sine sin(2 pi x/period) + cosine cos(2 pi x/period)).
 
     **Arguments:**
@@ -61,16 +61,9 @@ class PeriodicPositionDependence(AbstractLevelEffect):
     - `period`: position units.
     """
 
-    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
-
     name: ClassVar[str] = "position_dependence"
     about: ClassVar[About] = _ABOUT
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("sine", "1", "sine part", lower=-0.9, upper=0.9, probes=(0.02,)),
-        Parameter("cosine", "1", "cosine part", lower=-0.9, upper=0.9, probes=(0.02,)),
-    )
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths("1", "part", limit=0.9)
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "period", "{position}", "period along the stroke", "log", scale="odd_period", grid="period"
@@ -78,4 +71,4 @@ class PeriodicPositionDependence(AbstractLevelEffect):
     )
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
-        return level * (1.0 + wave(now.x / self.period, (self.sine, self.cosine)))
+        return level * (1.0 + self.wave(now.x))

@@ -2,17 +2,15 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
-from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
-from frictionjax.physics.waves import wave
+from frictionjax.physics.waves import AbstractWave, AbstractWaveWithOvertone, wave_strengths
 
 
-class Ripple(AbstractForceEffect):
+class Ripple(AbstractWave, AbstractForceEffect):
     """J x'' = km u - F - sine sin(2 pi x/period) - cosine cos(2 pi x/period).
 
     **Arguments:**
@@ -20,10 +18,6 @@ class Ripple(AbstractForceEffect):
     - `sine`, `cosine`: amplitudes, force units.
     - `period`: position units.
     """
-
-    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     name: ClassVar[str] = "ripple"
     about: ClassVar[About] = About(
@@ -34,10 +28,7 @@ class Ripple(AbstractForceEffect):
         split_by="slow moves over several periods in both directions",
         one_law=True,
     )
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("sine", "{force}", "sine amplitude", scale="Fc", probes=(0.02,)),
-        Parameter("cosine", "{force}", "cosine amplitude", scale="Fc", probes=(0.02,)),
-    )
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths("{force}", "amplitude", scale="Fc")
     nuisances: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "period", "{position}", "period along the stroke", "log", scale="even_period", grid="period"
@@ -45,12 +36,12 @@ class Ripple(AbstractForceEffect):
     )
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return wave(now.x / self.period, (self.sine, self.cosine))
+        return self.wave(now.x)
 
 
-class RippleWithOvertone(AbstractForceEffect):
-    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave that is
-    no sine.
+class RippleWithOvertone(AbstractWaveWithOvertone, AbstractForceEffect):
+    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave with an
+    overtone.
 
     **Arguments:**
 
@@ -58,20 +49,12 @@ class RippleWithOvertone(AbstractForceEffect):
     - `period`: position units.
     """
 
-    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
-    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
-
     name: ClassVar[str] = Ripple.name
     about: ClassVar[About] = Ripple.about
-    strengths: ClassVar[tuple[Parameter, ...]] = (
-        *Ripple.strengths,
-        Parameter("sine2", "{force}", "sine amplitude at half the period", scale="Fc", probes=(0.02,)),
-        Parameter("cosine2", "{force}", "cosine amplitude at half the period", scale="Fc", probes=(0.02,)),
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
+        "{force}", "amplitude", scale="Fc", overtone=True
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = Ripple.nuisances
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
-        return wave(now.x / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))
+        return self.wave(now.x)

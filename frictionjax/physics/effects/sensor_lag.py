@@ -11,12 +11,12 @@ from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSensorEffect, AbstractStateEffect, Now
 from frictionjax.physics.lugre import LuGre
 
-# s, added to the lag: a sensor without one follows within any sample, and the derivative stays finite.
+# s, added to the lag, so that the derivative stays finite at zero lag.
 _INSTANT = 1e-20
 
 
 class SensorLag(AbstractSensorEffect, AbstractStateEffect):
-    """y of lag y' = x - y is measured: what it trails by, h = x - y, follows h' = v - h/lag.
+    """y of lag y' = x - y is measured: the lag error h = x - y follows h' = v - h/lag.
 
     **Arguments:**
 
@@ -27,11 +27,11 @@ class SensorLag(AbstractSensorEffect, AbstractStateEffect):
 
     name: ClassVar[str] = "sensor_lag"
     about: ClassVar[About] = About(
-        sentence="a position measurement that comes late",
+        sentence="a position measurement that lags",
         equation="y of lag y' = x - y is measured",
-        shows="fast motion: the position seems late behind the input",
+        shows="fast motion: the position seems to lag the input",
         confused_with=("delay", "drive_lag"),
-        split_by="a force measured beside the position, or a closed loop: only the sensor's lag is fed back",
+        split_by="a measured force besides the position, or a closed loop: only the sensor's lag is fed back",
         one_law=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
@@ -43,7 +43,7 @@ class SensorLag(AbstractSensorEffect, AbstractStateEffect):
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         return now.v[None], (1.0 / (self.lag + _INSTANT))[None] + jnp.zeros(1)
 
-    def seen(
+    def measured(
         self, position: Float[Array, ""], t: Float[Array, ""], hidden: Float[Array, " states"]
     ) -> Float[Array, ""]:
         return position - hidden[0]

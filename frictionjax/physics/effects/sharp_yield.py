@@ -1,4 +1,4 @@
-"""Presliding that yields more sharply than LuGre's: one step from LuGre towards Maxwell slip."""
+"""Presliding that yields more sharply than LuGre's: between LuGre and Maxwell slip."""
 
 from typing import ClassVar
 
@@ -10,9 +10,9 @@ from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import About, AbstractSlipEffect
 
-# Below this bend the power is that of a straight line through zero: a slope that no step could follow is cut.
+# Below this bend the power is linear through zero: this limits a slope too steep for any step.
 _LEAST_BEND = 1e-6
-# Where a level that falls with velocity leaves a bristle; from there on it yields in proportion.
+# The largest bend where the level falls with velocity; above it the bristle yields in proportion.
 _MOST_BEND = 3.0
 
 

@@ -13,7 +13,7 @@ from frictionjax.physics.lugre import LuGre
 
 
 class ViscoelasticDamping(AbstractStateEffect, AbstractForceEffect):
-    """J x'' = km u - F - stiffness sigma0 sum(z - y_j), dy_j/dt = (z - y_j)/tau_j: Maxwell elements beside the bristle.
+    """J x'' = km u - F - stiffness sigma0 sum(z - y_j), dy_j/dt = (z - y_j)/tau_j: parallel Maxwell elements.
 
     z = F_z/sigma0; the tau_j are `shortest`, ten and a hundred times as long. Between them the loss is nearly constant,
     and the stiffness rises by about `stiffness` sigma0 a decade.

@@ -1,4 +1,4 @@
-"""Friction that falls as the machine warms up: with the time since power-on, or with the heat of its motion."""
+"""Friction that falls as the machine warms up, by time since power-on or by heat of motion."""
 
 from typing import ClassVar
 
@@ -32,15 +32,15 @@ _TIME = Parameter(
     upper=1e4,
     grid=(15.0, 60.0, 200.0),
 )
-_LEAST = 0.1  # of the level: friction does not turn round
+_LEAST = 0.1  # of the level: friction never becomes negative
 
 
 class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect):
-    """G -> G (1 - fall T), sigma2 -> sigma2 (1 - viscous_fall T) with dT/dt = (1 - T)/time_constant from power-on on.
+    """G -> G (1 - fall T), sigma2 -> sigma2 (1 - viscous_fall T) with dT/dt = (1 - T)/time_constant since power-on.
 
     **Arguments:**
 
-    - `fall`, `viscous_fall`: relative fall of the level and of the viscous part in the end.
+    - `fall`, `viscous_fall`: final relative fall of the level and of the viscous part.
     - `time_constant`: s.
     """
 
@@ -76,7 +76,7 @@ class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
         rate = (1.0 / self.time_constant)[None]
         return rate, rate
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
         return -jnp.expm1(-before.clock / self.time_constant)[None]
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
@@ -87,8 +87,8 @@ class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
 
 
 class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect):
-    """G -> G (1 - fall T), sigma2 -> sigma2 exp(-viscous_fall T) with dT/dt = |v|/distance - T/time_constant: heat
-    comes with the path and leaves with time. A tenth of the level stays, whatever the heat.
+    """G -> G (1 - fall T), sigma2 -> sigma2 exp(-viscous_fall T) with dT/dt = |v|/distance - T/time_constant: motion
+    heats, time cools. A tenth of the level remains at any heat.
 
     **Arguments:**
 
@@ -127,7 +127,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
         return (jnp.abs(now.v) / self.distance)[None], (1.0 / self.time_constant)[None]
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
         left = before.path * jnp.exp(-before.age / self.time_constant)
         return (jnp.sum(left) / self.distance)[None]
 

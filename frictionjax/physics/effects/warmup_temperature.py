@@ -1,4 +1,4 @@
-"""Friction that falls with the temperature that was measured."""
+"""Friction that falls with the measured temperature."""
 
 from typing import ClassVar
 
@@ -24,7 +24,7 @@ _LEAST = 0.1  # of the denominator: a level may rise tenfold
 class WarmupByTemperature(AbstractStateEffect, AbstractLevelEffect):
     """G -> G/(1 + fall (T - T0)), T the measured temperature, T0 that of the first sample of the first recording.
 
-    The states carry the recorded temperature along: the part of the recording that is over, its rate, and T - T0 at
+    The states contain the recorded temperature: the elapsed part of the recording, its rate, and T - T0 at
     `TEMPERATURES` equidistant instants, between which T is a straight line.
 
     **Arguments:**
@@ -56,7 +56,7 @@ class WarmupByTemperature(AbstractStateEffect, AbstractLevelEffect):
         still = jnp.zeros(self.states)
         return still.at[0].set(now.hidden[1]), still
 
-    def begin(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
+    def initial_states(self, friction: LuGre, before: Before) -> Float[Array, " states"]:
         return jnp.concatenate([jnp.zeros(1), 1.0 / before.duration[None], before.temperature])
 
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:

@@ -1,9 +1,9 @@
-"""What every reader gives: named columns, read on demand, and the place of a value in the file."""
+"""The interface of every reader: named columns, read on demand, and the place of a value in the file."""
 
 import abc
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Float
 class AbstractTable(eqx.Module):
     """An opened file of named columns of numbers.
 
-    Opening finds the names only; a column that nobody asks for is never converted, so a text column does no
+    Opening finds the names only; a column that is not needed is never converted, so a text column does no
     harm.
 
     **Attributes:**
@@ -27,7 +27,7 @@ class AbstractTable(eqx.Module):
 
     @abc.abstractmethod
     def has(self, name: str) -> bool:
-        """Whether a column of numbers answers to `name`."""
+        """Whether there is a column of numbers called `name`."""
 
     @abc.abstractmethod
     def absence(self, name: str) -> str:
@@ -43,7 +43,7 @@ class AbstractTable(eqx.Module):
 
         **Returns:** one 1-D array a name, in the file's units; their lengths may differ.
 
-        **Raises:** `InputError` naming file, place and cure when a column does not hold numbers.
+        **Raises:** `InputError` naming file, place and cure when a column does not contain numbers.
         """
 
     @abc.abstractmethod
@@ -51,6 +51,7 @@ class AbstractTable(eqx.Module):
         """Where the value `index` (from 0) of a column stands, in words: "line 17" or "sample 17"."""
 
 
+@runtime_checkable
 class Reader(Protocol):
     """Opens one format: `reader(path)` returns a table or raises `InputError`."""
 

@@ -30,7 +30,7 @@ class Layout(eqx.Module):
     - `separator`: `","`, `";"`, a tab, or None for runs of white space.
     - `width`: number of columns.
     - `names`: the columns' names; `"1"`, `"2"`, ... when there is no header.
-    - `index`: every name that a column answers to, with its position; -1 marks a name that occurs twice.
+    - `index`: every name of a column, with its position; -1 marks a name that occurs twice.
     - `start`: number of lines before the numbers.
     """
 
@@ -64,11 +64,11 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def find_layout(text: str, file: str) -> Layout:
-    """Find out how a file is written, from its first lines.
+    """Find the layout of a file from its first lines.
 
     A header is the first line of as many names as the numbers have columns; one line of units may follow it.
     Without a header the columns are called "1", "2", ..., and two columns are also u and x, three t, u and x.
-    A comment line directly above the numbers serves as header when it holds a name for every column.
+    A comment line directly above the numbers serves as header when it has a name for every column.
 
     **Arguments:**
 
@@ -77,7 +77,7 @@ def find_layout(text: str, file: str) -> Layout:
 
     **Returns:** the `Layout`.
 
-    **Raises:** `InputError` for a file without numbers or with a header that does not fit them.
+    **Raises:** `InputError` for a file without numbers or with a header that does not match them.
     """
     lines = text.split("\n", _HEAD)[:_HEAD]
     head = list(content_lines(lines))
@@ -88,7 +88,7 @@ def find_layout(text: str, file: str) -> Layout:
     separator, width = _separator([line for _, line in head])
     header: list[str] | None = None
     rejected: tuple[int, str] | None = None
-    units_seen, start = False, None
+    units_found, start = False, None
     for number, line in head:
         fields = split(line, separator)
         if any(NUMBER.fullmatch(field) for field in fields):
@@ -97,11 +97,11 @@ def find_layout(text: str, file: str) -> Layout:
         if header is None:
             header = _names(line, separator, width)
             rejected = (number, line)
-        elif units_seen or len(fields) != width or any(field.lower() in _NO_VALUE for field in fields):
+        elif units_found or len(fields) != width or any(field.lower() in _NO_VALUE for field in fields):
             start = number - 1  # neither numbers nor units: the reader will say what is wrong with it
             break
         else:
-            units_seen = True
+            units_found = True
     if start is None:
         raise InputError(
             "no line of numbers found", file=file, place=f"line {head[-1][0]}", cure="Give columns of numbers"
@@ -135,7 +135,7 @@ def _separator(lines: list[str]) -> tuple[str | None, int]:
 
 
 def _names(line: str, separator: str | None, width: int) -> list[str] | None:
-    """The names in a header line, which may use another separator than the numbers; None when they do not fit."""
+    """The names in a header line, which may use another separator than the numbers; None when their number differs."""
     others = ("\t", ";", ",", None)  # blanks come last: "t, u, x" above columns between blanks
     attempts = [split(line, other) for other in dict.fromkeys((separator, *others) if separator else others)]
     attempts.append([field.strip() for field in re.split(r"\s{2,}|\t", line)])
@@ -153,12 +153,12 @@ def _commented_header(above: list[str], separator: str | None, width: int) -> li
     if not above:
         return None
     names = _names(above[-1].lstrip("#% "), separator, width)
-    # Between blanks any remark of three words would pass for three names.
+    # Separated by blanks, any comment of three words would count as three names.
     return names if names and (separator or _ROLES & set(names)) else None
 
 
 def _index(names: list[str] | None, width: int, bare: bool) -> tuple[tuple[str, ...], dict[str, int]]:
-    """Which name leads to which column."""
+    """The column of each name."""
     numbers = tuple(str(k) for k in range(1, width + 1))
     index: dict[str, int] = {}
     for position, name in enumerate(names or numbers):

@@ -14,7 +14,7 @@ from frictionjax.recordings.readers.base import AbstractTable
 from frictionjax.recordings.words import shown
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-# A matrix is offered column by column, as MATLAB writes it; a wider one is an image, not a set of channels.
+# The columns of a matrix are channels; a wider matrix is an image, not a set of channels.
 _WIDEST_MATRIX = 64
 
 
@@ -91,13 +91,13 @@ def open_mat(path: Path) -> MatTable:
             _collect(name, value, columns, refused)
     if not columns:
         raise InputError(
-            "the file holds no numeric vector", file=file, cure="Save each channel as a numeric vector"
+            "the file contains no numeric vector", file=file, cure="Save each channel as a numeric vector"
         )
     return MatTable(path, tuple(columns), columns, refused)
 
 
 def _collect(name: str, value: object, columns: dict[str, np.ndarray], refused: dict[str, str]) -> None:
-    """Sort one variable, and what it contains, into vectors of numbers and into reasons why it is none."""
+    """Add one variable, and what it contains, to the vectors of numbers or to the refused, with the reason."""
     if not isinstance(value, np.ndarray):
         refused[name] = "is not an array of numbers (a sparse matrix or a MATLAB object)"
     elif value.dtype.names is not None and type(value) is np.ndarray:

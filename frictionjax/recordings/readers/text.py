@@ -31,7 +31,7 @@ class TextTable(AbstractTable):
 
     def absence(self, name: str) -> str:
         if name in self.layout.index:
-            return f"the name `{shown(name)}` stands over more than one column"
+            return f"there is more than one column `{shown(name)}`"
         if self.names == tuple(str(k) for k in range(1, self.layout.width + 1)):
             return f"there is no column `{shown(name)}` (no header was found, so columns go by their number)"
         return f"there is no column `{shown(name)}`"
@@ -50,7 +50,7 @@ class TextTable(AbstractTable):
         return f"sample {index + 1}"
 
     def _read_fast(self) -> Float[np.ndarray, "_ _"] | None:
-        """All columns by NumPy's parser; None when anything in the file needs a closer look."""
+        """All columns by NumPy's parser; None when it cannot read the file."""
         comments = [sign for sign in "#%" if sign in self.text]
         try:
             values = np.loadtxt(
