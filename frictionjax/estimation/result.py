@@ -41,8 +41,8 @@ class FitResult(eqx.Module):
     - `drive`: the fitted `Drive`.
     - `parameters`: label -> `Estimate` in physical units, tied parameters included.
     - `names`: labels of the p free parameters, in the order of `covariance`.
-    - `covariance`: of the free parameters in physical units, shape `(p, p)`: a jackknife over clusters of 0.5 s, its
-      variances raised to those of longer clusters and of the inverse information (`uncertainty.clustered_covariance`).
+    - `covariance`: of the free parameters in physical units, shape `(p, p)`: inverse information, with standard
+      deviations raised where clusters of correlated errors say more (`uncertainty.clustered_covariance`).
     - `covariance_white`: inverse information alone, right when the errors are white, shape `(p, p)`.
     - `noise`: name of the recording -> `RecordingNoise`.
     - `cost`: minus the log-posterior, noise included, but for a constant: for comparing fits of the same data.
@@ -106,6 +106,9 @@ def make_result(
     if finite:
         white = slope @ inverse_of(hessian) @ slope.T
         honest = slope @ covariance_of(posterior, evaluations, near) @ slope.T
+        # Physical values are no coordinates of the fit: there, too, no variance is below that of white errors.
+        more = np.sqrt(np.maximum(np.diag(honest) / np.maximum(np.diag(white), 1e-300), 1.0))
+        honest = white * np.outer(more, more)
         # What rests on the weak prior is not known from the data, however little the errors scatter.
         # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
         wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)

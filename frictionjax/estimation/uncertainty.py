@@ -12,6 +12,7 @@ from frictionjax.estimation.parameters import Free, physical
 
 _FEWEST = 30
 """Clusters: with fewer their scatter is hardly known."""
+_FEW = 20  # clusters: fewer tell nothing of how errors correlate
 _MOST_OWN = 0.9
 _TOGETHER = (4, 2, 1)  # clusters of 0.5 s that are added up, while enough are left
 
@@ -81,7 +82,6 @@ def clustered_covariance(
     hessian: Float[np.ndarray, "q q"],
     gradients: Sequence[Float[np.ndarray, "c q"]],
     curvatures: Sequence[Float[np.ndarray, "c q q"]],
-    prior: Float[np.ndarray, " q"],
     rows: Sequence[int],
 ) -> Float[np.ndarray, "q q"]:
     """Covariance of the free vector: the jackknife over clusters of 0.5 s, its variances raised where longer clusters
@@ -89,20 +89,20 @@ def clustered_covariance(
 
     Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer; those
     of 2 s because they are few; both where a coordinate is determined by its weak prior, along which the data do not
-    scatter; and white errors where errors are correlated. The weak prior is a guess, and its own error counts besides:
-    H^-1 (H + prior^2) H^-1.
+    scatter; and white errors, H^-1, where errors are correlated. With fewer than `_FEW` clusters white errors are all
+    that can be stated: one cluster that determines a parameter alone would seem to be contradicted by the others.
 
     **Arguments:**
 
     - `hessian`: of the cost, with the prior.
     - `gradients`, `curvatures`: of each cluster, evidence by evidence.
-    - `prior`: inverse standard deviations of the weak prior.
     - `rows`: recordings of each evidence; 0 where its clusters are in no order of time.
     """
     if not all(np.all(np.isfinite(some)) for some in (hessian, *gradients)):
         return np.full(hessian.shape, np.inf)
-    inverse = inverse_of(hessian)
-    white = inverse @ (hessian + np.diag(prior**2)) @ inverse
+    white = inverse_of(hessian)
+    if sum(int(np.sum(np.any(own != 0.0, axis=1))) for own in gradients) < _FEW:
+        return white
     covariance = jackknife(hessian, np.concatenate(gradients), np.concatenate(curvatures))
     long = jackknife(hessian, *_longer(gradients, curvatures, rows))
     most = np.maximum(np.diag(white), np.diag(long))
@@ -117,7 +117,6 @@ def covariance_of(
         np.asarray(near.hessian),
         [np.asarray(own) for own in near.clusters],
         posterior.curvatures(evaluations),
-        np.asarray(posterior.prior),
         [one.rows for one in posterior.evidence],
     )
 

@@ -101,20 +101,25 @@ def test_no_variance_is_below_any_of_the_three():
     """Errors that last for four clusters; a coordinate that only its prior holds; and plain noise, of which every
     estimate by clusters is often too small."""
     rng = np.random.default_rng(6)
-    prior = np.array([0.0, 1.0])
     lasting = np.repeat(rng.standard_normal((500, 2)), 4, axis=0) * [1.0, 0.0]
     own = np.zeros((2000, 2, 2))
     own[:, 0, 0] = 1.0
-    found = clustered_covariance(np.diag([2000.0, 1.0]), [lasting], [own], prior, [1])
+    found = clustered_covariance(np.diag([2000.0, 1.0]), [lasting], [own], [1])
     assert found[0, 0] == pytest.approx(sandwich(np.diag([2000.0, 1.0]), merged(lasting, 1))[0, 0], rel=0.01)
-    # What only the prior determines is as wrong as the prior is wide, and as its own guess.
-    assert found[1, 1] == pytest.approx(2.0)
+    assert found[1, 1] == pytest.approx(1.0)
     short = 0
     for _ in range(50):
         gradients = rng.standard_normal((200, 1)) * np.sqrt(10.0 / 200)
         own, hessian = np.full((200, 1, 1), 10.0 / 200), np.array([[10.0]])
-        found = clustered_covariance(hessian, [gradients], [own], np.zeros(1), [1])[0, 0]
+        found = clustered_covariance(hessian, [gradients], [own], [1])[0, 0]
         assert found >= 0.1 * (1.0 - 1e-12)
         assert found < 0.1 * 2.0
         short += jackknife(hessian, gradients, own)[0, 0] < found
     assert short > 10
+
+
+def test_few_clusters_say_nothing_of_correlation():
+    """Of three clusters one determines the parameter alone: leaving it out is no evidence against it."""
+    own = np.array([98.0, 1.0, 1.0])[:, None, None]
+    found = clustered_covariance(np.array([[100.0]]), [np.array([[10.0], [-5.0], [-5.0]])], [own], [1])
+    assert found[0, 0] == pytest.approx(0.01)

@@ -216,10 +216,10 @@ def follow(posterior: Posterior, sets: Sets, *, substeps: int, settle: bool) -> 
     ratios = about[:, :, None] * jnp.asarray(NEXT)[None, None]
     told = _told(posterior, sets, starts, vectors, ratios, substeps)
     values, slopes, hessian, (clusters, bent), noise, cost = jax.tree.map(np.asarray, told)
-    place, prior = posterior.places[0], np.asarray(posterior.prior)
+    place = posterior.places[0]
     covariance = np.stack(
         [
-            clustered_covariance(matrix, [own], [spread_out(parts, place)], prior, [place.rows])
+            clustered_covariance(matrix, [own], [spread_out(parts, place)], [place.rows])
             for matrix, own, parts in zip(hessian, clusters, bent, strict=True)
         ]
     )
