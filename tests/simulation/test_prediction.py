@@ -8,6 +8,7 @@ import pytest
 from helpers_plants import TABLE_I, effect
 
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.simulation import observe, observer_gains, predict_ahead, simulate
 
 observe = eqx.filter_jit(observe)
@@ -49,6 +50,19 @@ def test_each_sample_comes_from_the_run_that_it_should(horizon, stride):
         expected[k + horizon : k + horizon + reached.size] = reached
     got = predict_ahead(model, FORCE[:n], x, DT, GAINS, ZERO, horizon=horizon, stride=stride)
     np.testing.assert_allclose(got, expected, atol=1e-15)
+
+
+def test_the_history_before_the_recording_reaches_the_prediction():
+    drive = TABLE_I.with_effects(effect("DwellStrengthening", growth=0.1))
+    truth = simulate(drive, U[:60], RATE, before=Before(rest=50.0)).x
+    found = {
+        rest: predict_ahead(
+            drive, FORCE[:60], truth, DT, GAINS, (*ZERO, Before(rest=rest)), horizon=40, stride=20, substeps=2
+        )
+        for rest in (0.1, 50.0)
+    }
+    np.testing.assert_allclose(found[50.0], truth, atol=1e-9 * float(jnp.ptp(truth)))
+    assert float(jnp.max(jnp.abs(found[0.1] - truth))) > 1e-6 * float(jnp.ptp(truth))
 
 
 def test_a_wrong_model_errs_the_more_the_further_it_looks():
