@@ -1,8 +1,9 @@
-"""How a long verb tells what it is doing, without knowing who listens."""
+"""How a long verb reports its progress, whoever listens."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Called by the verbs as work goes on: `progress(stage, fraction)` with `fraction` of the whole in [0, 1]."""
 
@@ -10,4 +11,4 @@ class Progress(Protocol):
 
 
 def silent(stage: str, fraction: float) -> None:
-    """The `Progress` of a caller who does not want to be told: `stage` and `fraction` are passed over."""
+    """The `Progress` that reports nothing: `stage` and `fraction` are ignored."""
