@@ -64,7 +64,7 @@ def jobs(plan: str, strengths: list[str], seeds: list[int], only: list[str]) -> 
 
 
 def case_of(simulated) -> fj.Case:
-    """The simulated machine as the library sees it."""
+    """The simulated machine as a `Case` of the library."""
     recordings = tuple(
         Recording(
             name=r["name"],

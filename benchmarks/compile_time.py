@@ -159,9 +159,9 @@ VERBS: dict[str, Callable[[int], Call]] = {
 
 
 def _timed(call: Call) -> float:
-    begun = time.perf_counter()
+    started = time.perf_counter()
     jax.block_until_ready(jax.tree.leaves(call()))
-    return time.perf_counter() - begun
+    return time.perf_counter() - started
 
 
 def measure(*, small: bool = False) -> list[dict[str, Any]]:

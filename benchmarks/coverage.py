@@ -1,11 +1,11 @@
-"""`python -m benchmarks.coverage [--machines N] [--first SEED] [--effects ...] [--demo SEED ...]`: do intervals hold?
+"""`python -m benchmarks.coverage [--machines N] [--first SEED] [--effects ...] [--demo SEED ...]`: interval coverage.
 
-Machines of `benchmarks.concealed.reality`, fitted from the truth as a diagnosis fits them. Of machines that hide
-nothing: errors of the base model over standard errors, with one integration step a sample and with the finer steps that
-are reported. Of machines that hide an effect whose size means the same in the simulator and here: errors of that size,
+Machines of `benchmarks.concealed.reality`, fitted from the truth as a diagnosis fits them. Of machines without a hidden
+effect: errors of the base model over standard errors, with one integration step a sample and with the finer steps that
+are reported. Of machines with a hidden effect whose size means the same in the simulator and here: errors of that size,
 with the standard errors that are reported and with those of the sandwich alone, from clusters of 0.5 s. Of arms of the
 demo, diagnosed in full, whose ten elements the named form resembles: errors over standard errors about that form, and
-over those that are reported, which hold what other effects would make of the parameters.
+over those that are reported, which include the change of the parameters by other effects.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def _fitted(joint: Posterior, vector) -> Model:
 
 
 def _force(model: Model) -> float:
-    """The unmeasured force over Fc, as the weighing of candidates tells it."""
+    """The unmeasured force over Fc, as estimated when the candidates are compared."""
     answer, power = answer_to_force(model.joint, model.fitted.vector), model.judgement.power
     return force_noise(power, answer, model.joint, quietness(power, answer, model.joint))
 

@@ -1,15 +1,16 @@
-"""`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines that share no equation with it.
+"""`python -m benchmarks.diagnosis`: how often the diagnosis is right, on machines with other equations.
 
     python -m benchmarks.diagnosis [--seeds N] [--effects NAME ...] [--nulls N] [--out FOLDER] [--part K/N]
     python -m benchmarks.diagnosis --tables [--out FOLDER] [--beside FOLDER ...] [--store FOLDER]
     python -m benchmarks.diagnosis --again FOLDER ... [--out FOLDER] [--part K/N]
 
-Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines that hide one effect are
-diagnosed a second time without it in the catalogue. A run that stops goes on where it was, from the lines in `--out`;
-`--tables` prints what is there and diagnoses nothing; `--store` writes what tables and calibration read of the lines to
-a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share it. Of a machine
-told in several folders the tables count the line of the first. `--again` makes of the lines in those folders
-anew what a refused effect may change (`bank.can_change`); with `--tables` it tells how many of those lines `--out` has.
+Machines, experiments, effects and noise are drawn by `benchmarks.concealed.reality`; machines with one hidden effect
+are diagnosed a second time without it in the catalogue. An interrupted run continues from the lines in `--out`;
+`--tables` prints the tables of the existing lines and diagnoses nothing; `--store` writes the fields that tables and
+calibration read to a folder, to be kept. Hours at full size: `--part 1/2` and `--part 2/2` are two processes that share
+it. If several folders have a line of one machine, the tables count that of the first. `--again` repeats those lines of
+these folders that a refused effect may change (`bank.can_change`); with `--tables` it prints how many of them `--out`
+has.
 """
 
 import argparse

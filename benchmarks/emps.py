@@ -4,11 +4,12 @@
 
 Structure: effects of the catalogue are added one at a time, each time the one that lowers most the error 0.1 s ahead on
 the other half of the training file, until none lowers it by a hundredth; parameters by `fit`. Effects that only differ
-from static friction in presliding or with time are left out: seven reversals hold next to nothing on them. Both files
-start in motion, at 6 mm/s: position and speed at the start are read off the first 10 ms of each, by `fit` and here.
+from static friction in presliding or with time are left out: seven reversals have almost no information about them.
+Both files start in motion, at 6 mm/s: position and speed at the start are read off the first 10 ms of each, by `fit`
+and here.
 
-The error 0.1 s ahead is told twice: from the states of a causal observer of 50 Hz, and, as those who published numbers
-did it, from position and velocity behind a zero-phase filter of 60 Hz, which looks ahead.
+The error 0.1 s ahead is given twice: from the states of a causal observer of 50 Hz, and, as in the published numbers,
+from position and velocity behind a zero-phase filter of 60 Hz, which is not causal.
 """
 
 import argparse
@@ -77,8 +78,8 @@ def ahead(drive, recording) -> float:
         stride=stride,
         substeps=2,
     )
-    told = slice(horizon, None, stride)
-    return 1e3 * rms((np.asarray(x) - recording.x)[told])
+    predicted = slice(horizon, None, stride)
+    return 1e3 * rms((np.asarray(x) - recording.x)[predicted])
 
 
 def ahead_of_smoothed(drive, recording) -> float:
@@ -152,18 +153,18 @@ def main() -> int:
     step = case.plant.encoder_step
     start = starting_values((train,), motor_constant=case.plant.motor_constant or 1.0).drives[0]
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
 
     result = fj.fit(start, [train], encoder_step=step)
-    least, told = crossed(result.drive, train, step), []
-    tell(f"base model: other half {least:.4f} mm")
+    least, added = crossed(result.drive, train, step), []
+    report(f"base model: other half {least:.4f} mm")
     while True:
         found, effects = {}, additions(result.drive, train)
         for name, effect in effects.items():
             found[name] = crossed(result.drive.with_effects(effect), train, step)
-            tell(f"  with {name}: {found[name]:.4f} mm")
+            report(f"  with {name}: {found[name]:.4f} mm")
         name = min(found, key=found.__getitem__, default=None)
         if name is None or found[name] > WORTH * least:
             break
@@ -174,19 +175,19 @@ def main() -> int:
             encoder_step=step,
             own_starts=False,
         )
-        told.append(name)
-        tell(
-            f"{', '.join(told)}: other half {least:.4f} mm; J {result.drive.J:.2f} kg; training file: free run "
+        added.append(name)
+        report(
+            f"{', '.join(added)}: other half {least:.4f} mm; J {result.drive.J:.2f} kg; training file: free run "
             f"{free_run(result.drive, train):.2f} mm, 0.1 s ahead {ahead(result.drive, train):.4f} mm, from smoothed "
             f"states {ahead_of_smoothed(result.drive, train):.4f} mm"
         )
     again = fj.fit(start.with_effects(*result.drive.effects), [train], encoder_step=step)
-    tell(f"another start: cost {again.cost - result.cost:+.2f} against the first\n")
+    report(f"another start: cost {again.cost - result.cost:+.2f} against the first\n")
     best = min((result, again), key=lambda one: one.cost)
     for name in best.names:
         estimate = best.parameters[name]
-        tell(f"{name}: {estimate.value:.6g} +- {estimate.stderr:.2g}")
-    tell(
+        report(f"{name}: {estimate.value:.6g} +- {estimate.stderr:.2g}")
+    report(
         f"pulses file: free run {free_run(best.drive, test):.2f} mm, 0.1 s ahead {ahead(best.drive, test):.4f} mm, "
         f"from smoothed states {ahead_of_smoothed(best.drive, test):.4f} mm"
     )

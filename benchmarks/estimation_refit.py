@@ -27,7 +27,7 @@ def _null_case():
 
 
 S_REC = np.array([1.94e-7, 2.40e-7, 8.97e-6, 3.66e-7])
-"""What the rivals are told and we are not: rms error of the true parameters in each recording, m."""
+"""What the rivals are given and we are not: rms error of the true parameters in each recording, m."""
 
 
 def measure(*, small: bool = False) -> list[dict]:
@@ -88,7 +88,7 @@ def measure(*, small: bool = False) -> list[dict]:
         goal, met = ("at least 95", bool(hits >= 0.95)) if own else ("", None)
         rows.append(row(f"factor-4 starts that end at the optimum, {name}", 100 * hits, "%", goal, met))
     for entry in rows:
-        # What took minutes is told before what takes more.
+        # The results so far are printed before the longer part.
         sys.stderr.write(
             f"{entry['what']}: {entry['value']:.4g} {entry['unit']}\n" if "what" in entry else ""
         )

@@ -27,9 +27,7 @@ def main(result: Path, picture: Path) -> None:
     ):
         left.plot(1e3 * data[name][part], data["u"][part], color=colour, lw=1.0, label=label)
     left.plot(1e3 * data["x"][part], data["u"][part], color="0.15", lw=0.8, label="measured")
-    left.set(
-        xlabel="position (mrad), free run", ylabel="input (V)", title="presliding, a recording kept aside"
-    )
+    left.set(xlabel="position (mrad), free run", ylabel="input (V)", title="presliding, a held-out recording")
     left.legend(fontsize=7, frameon=False)
     for name, colour, kind in (
         ("predicted_base", BASE, "base"),

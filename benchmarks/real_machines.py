@@ -35,7 +35,7 @@ def row(name: str, found) -> str:
 
 
 def load_speed(found) -> str:
-    """How well the spring that was found predicts the load's speed, which no fit has seen."""
+    """How well the spring that was found predicts the load's speed, which no fit uses."""
     frequency, *lost = (found.extended[name].value for name in ("frequency", "damping", "drag"))
     said = []
     for name, path in files_of("motor_bench").items():
@@ -52,7 +52,7 @@ def offset_drift(found) -> str:
     Gaussian velocity of root mean square s about a slow drift turns Coulomb friction into viscous friction
     sqrt(2/pi) Fc/s; the drift is the mean current over all viscous friction, and from rest its error is a ramp.
     """
-    told = [{name: one.value for name, one in model.items()} for model in (found.base, found.extended)]
+    models = [{name: one.value for name, one in model.items()} for model in (found.base, found.extended)]
     said = []
     for run in found.recordings:
         seconds, spread = run.t[-1] - run.t[0], np.std(np.gradient(run.x, run.t))
@@ -60,7 +60,7 @@ def offset_drift(found) -> str:
             p["sigma2"]
             + p["J"] * p.get("ratio", 0.0) * p.get("drag", 0.0)
             + np.sqrt(2.0 / np.pi) * p["Fc"] / spread
-            for p in told
+            for p in models
         ]
         base, extended = (abs(np.mean(run.u)) / one * seconds / np.sqrt(3.0) for one in own)
         said.append(

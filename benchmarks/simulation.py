@@ -159,7 +159,7 @@ def one_record(small: bool) -> list[dict]:
 
 
 def memory(small: bool) -> list[dict]:
-    """Bytes that compiled programs hold beside inputs and results."""
+    """Bytes that compiled programs allocate besides inputs and results."""
     count, samples = (64, 200) if small else (1024, 2000)
     push = jnp.asarray(force(samples))
 
@@ -175,7 +175,7 @@ def memory(small: bool) -> list[dict]:
                 logs = jnp.zeros((7, count)).at[: free.shape[0]].set(free[:, None])
                 return misfit(logs, push)
 
-            # One parameter after the other: side by side, each would hold a batch of its own.
+            # One parameter after the other: in parallel, each would need a batch of its own.
             return jax.lax.map(lambda one: jax.jvp(of, (free,), (one,))[1], jnp.eye(free.size))
 
         program = jax.jit(gradient).lower(jnp.zeros(parameters), push).compile()
@@ -191,5 +191,5 @@ def memory(small: bool) -> list[dict]:
 
 
 def measure(*, small: bool = False) -> list[dict]:
-    """All rows; `small`: sizes for a look at whether it runs."""
+    """All rows; `small`: small sizes that only show that it runs."""
     return batches(small) + one_record(small) + memory(small)

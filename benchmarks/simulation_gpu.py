@@ -1,7 +1,7 @@
 """Throughput on a GPU: `python -m benchmarks simulation_gpu`. Without one it says so and measures nothing.
 
 Two roads: `simulate_batch` (a `lax.scan`, every operation of a step a kernel or part of one) and one Pallas kernel that
-holds the time loop, each thread block its drives, the state never leaving the registers.
+has the time loop, each thread block its drives, and the state stays in registers.
 """
 
 from functools import partial
@@ -19,7 +19,7 @@ from frictionjax.simulation.fixed import initial_state
 from frictionjax.simulation.ros2 import advance
 
 LANES = 128
-NO_GPU = "simulation_gpu: JAX sees no GPU here, so nothing was measured. Run it where `jax.devices('gpu')` lists one."
+NO_GPU = "simulation_gpu: JAX finds no GPU here, so nothing was measured. Run it where `jax.devices('gpu')` lists one."
 # Multiplications, additions, comparisons of one step, divisions and exponentials counted as 20 each; from the source.
 OPERATIONS = 240.0
 

@@ -28,7 +28,7 @@ def _per_step(count: int, samples: int, push) -> float:
 
 
 def measure(*, small: bool = False) -> list[dict]:
-    """All rows; `small`: sizes for a look at whether it runs."""
+    """All rows; `small`: small sizes that only show that it runs."""
     samples = 60 if small else 200
     push = force(samples)
     exact = simulate_reference(drive_of(STAGE), push, SAMPLE_RATE, rtol=1e-10, atol=1e-13).x

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="frictionjax",
         description="Friction identification: where a machine differs from its model, which physics is missing, "
-        "and whether that holds on recordings kept aside.",
+        "and whether the answer is confirmed on held-out recordings.",
     )
     parser.add_argument("--version", action="version", version=f"frictionjax {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     diagnose = commands.add_parser(
         "diagnose",
         help="name what is missing in the model of a recorded machine",
-        description="Diagnose one case: a case file, or bare recordings with the options below.",
+        description="Diagnose one case: a case file, or recordings without one and the options below.",
     )
     diagnose.add_argument(
         "inputs", nargs="+", metavar="FILE", help="one case file (.toml), or the recordings to fit"
@@ -71,14 +71,14 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument(
         "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
     )
-    bare = diagnose.add_argument_group("for bare recordings (a case file says these itself)")
+    bare = diagnose.add_argument_group("for recordings without a case file (which sets these itself)")
     bare.add_argument(
         "--holdout",
         nargs="+",
         action="extend",
         default=[],
         metavar="RECORDING",
-        help="recordings kept aside to judge the result (of a single recording without: its last third)",
+        help="held-out recordings, which judge the result (by default, the last third of a single recording)",
     )
     bare.add_argument(
         "--motor-constant", type=float, metavar="KM", help="force or torque per input unit, when known"
@@ -89,8 +89,8 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser(
         "demo",
-        help="a simulated machine with a secret, diagnosed, then the secret",
-        description="Write a case of a simulated machine, diagnose it, and open its sealed truth next to the verdict.",
+        help="diagnose a simulated machine, then compare with the truth",
+        description="Write a case of a simulated machine, diagnose it, and print the true model beside the verdict.",
     )
     demo.add_argument(
         "--out",
@@ -99,13 +99,15 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="where the result and DIR/case go (default: %(default)s)",
     )
-    demo.add_argument("--seed", type=int, metavar="N", help="draws another machine and other noise")
+    demo.add_argument(
+        "--seed", type=int, metavar="N", help="seed of the machine's parameters and of all noise"
+    )
 
     paper = commands.add_parser(
         "paper",
         help="the figures and tables of Hensen, van de Molengraft, Steinbuch (2002), reproduced",
         description="Run every experiment of the paper on synthetic machines, in about two minutes: figures as PNG and "
-        "SVG, and tables.json with every number beside the value that it should have.",
+        "SVG, and tables.json with every number beside its reference value.",
     )
     paper.add_argument(
         "--out",
@@ -118,10 +120,16 @@ def _parser() -> argparse.ArgumentParser:
         "--real", type=Path, metavar="DIR", help="a folder with MultisineTypeB.mat, a motor bench"
     )
     paper.add_argument(
-        "--diagnose", action="store_true", help="also name what the paper could not explain: minutes more"
+        "--diagnose",
+        action="store_true",
+        help="also diagnose the twins whose friction is not LuGre: minutes more",
     )
-    paper.add_argument("--quick", action="store_true", help="a look with less data and coarser numbers")
-    paper.add_argument("--seed", type=int, default=0, metavar="N", help="of all noise (default: %(default)s)")
+    paper.add_argument(
+        "--quick", action="store_true", help="fewer data and seeds: faster, with less accurate numbers"
+    )
+    paper.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of all noise (default: %(default)s)"
+    )
     return parser
 
 
@@ -132,8 +140,8 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
     keep_memory()
     configure_jax()
     keep_compiled()
-    # Tracing makes objects by the million, and most of them stay: to look for cycles among them takes a tenth of the
-    # time of a diagnosis.
+    # Tracing makes objects by the million, and most of them stay: the search for cycles among them would take a tenth
+    # of the time of a diagnosis.
     gc.set_threshold(100_000, 50, 100)
 
     from frictionjax.core import FrictionjaxWarning, InputError
@@ -149,7 +157,7 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
             return 2
         finally:
             terminal.close()
-    # Nor need cycles be looked for among them once more when the process ends.
+    # Without this, the search for cycles is run once more when the process ends.
     gc.freeze()
     return 0
 
@@ -171,11 +179,11 @@ def _case(arguments: argparse.Namespace) -> "Case":
     if not case_files:
         return case_from_files(arguments.inputs, arguments.holdout, **options)
     if others or arguments.holdout:
-        problem = "a case file names its own recordings, so it stands alone"
-        raise InputError(problem, file=case_files[0], cure="Give one case file, or bare recordings only")
+        problem = "a case file lists its own recordings, so it is the only argument"
+        raise InputError(problem, file=case_files[0], cure="Give one case file, or recordings only")
     for name, value in options.items():
         if value is not None:
-            problem = f"`--{name.replace('_', '-')}` is for bare recordings"
+            problem = f"`--{name.replace('_', '-')}` is for recordings without a case file"
             cure = f"Write {name} into the case file"
             raise InputError(problem, file=first, cure=cure)
     return load_case(first)
@@ -193,7 +201,7 @@ def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
     file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
     diagnosis = _finish(load_case(file), arguments.out, terminal, start=part)
     truth = file.parent / "sealed" / "truth.json"
-    _say(["", f"Sealed until now ({truth}):"])
+    _say(["", f"True model ({truth}), not used by the diagnosis:"])
     _say(truth_lines(json.loads(truth.read_text(encoding="utf-8")), diagnosis))
 
 
@@ -203,7 +211,7 @@ def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
     from frictionjax.report.save import check_writable
 
     check_writable(arguments.out)
-    # A mistyped folder is found before the work.
+    # First, so that a mistyped folder is reported before the long computation.
     bench = None if arguments.real is None else motor_bench(arguments.real)
     part = 0.35 if arguments.diagnose else 0.95
     paper = reproduce(quick=arguments.quick, seed=arguments.seed, progress=terminal.part(0.0, part))
@@ -217,8 +225,8 @@ def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
 
 
 def _finish(case: "Case", out: Path, terminal: "_Terminal", *, start: float) -> "Diagnosis":
-    """Diagnose, save, tell: the last part of both commands."""
-    from frictionjax.api import diagnose  # the composed one: its result knows how to write report.html
+    """Diagnose, save and print the summary: the last part of both commands."""
+    from frictionjax.api import diagnose  # through api: there report.html is registered as a file to write
     from frictionjax.report import summary_lines
 
     diagnosis = diagnose(case, progress=terminal.part(start, 1.0))
@@ -233,7 +241,7 @@ def _finish(case: "Case", out: Path, terminal: "_Terminal", *, start: float) -> 
 
 
 class _Terminal:
-    """stderr as the user sees it: a bar when it is a terminal, else a line a stage; each warning once."""
+    """What is printed on stderr: a progress bar on a terminal, else one line a stage; each warning once."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -266,7 +274,7 @@ class _Terminal:
             self.line(f"warning: {text}")
 
     def show(self, ours: type[Warning], otherwise: Callable[..., None]) -> Callable[..., None]:
-        """A `warnings.showwarning` that tells the package's own warnings in its own way."""
+        """A `warnings.showwarning` that prints the package's own warnings as single lines."""
 
         def showwarning(message: Warning | str, category: type[Warning], *place: Any) -> None:
             if issubclass(category, ours):

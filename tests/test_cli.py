@@ -107,16 +107,16 @@ def test_no_arguments_as_a_process():
     only_line(done.stderr)
 
 
-def test_the_verdict_is_told_and_the_files_are_written(api, tmp_path, capsys):
+def test_the_verdict_is_printed_and_the_files_are_written(api, tmp_path, capsys):
     assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 0
-    told = capsys.readouterr()
+    printed = capsys.readouterr()
     assert api["case"] == "case of case.toml"
-    assert told.out.startswith(SUMMARY + "\n")
-    (change,) = [line for line in told.out.splitlines() if line.startswith("  holdout_stick")]
+    assert printed.out.startswith(SUMMARY + "\n")
+    (change,) = [line for line in printed.out.splitlines() if line.startswith("  holdout_stick")]
     assert " -> " in change
     assert "rad" in change
     for name in ("report.html", "verdict.json", "fit"):
-        assert str(tmp_path / "out" / name) in told.out
+        assert str(tmp_path / "out" / name) in printed.out
     assert json.loads((tmp_path / "out" / "verdict.json").read_text(encoding="utf-8"))["verdict"] == "named"
 
 
@@ -136,18 +136,18 @@ def test_progress_is_a_line_a_stage_and_a_warning_is_one_line(api, tmp_path, cap
 def test_progress_is_a_bar_on_a_terminal(api, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     main(["diagnose", "case.toml", "--out", str(tmp_path)])
-    told = capsys.readouterr().err
-    assert "20 %" in told
-    assert "naming what is missing" in told
-    assert "\nwarning: noise_small" in told.replace("\r", "\n")
+    printed = capsys.readouterr().err
+    assert "20 %" in printed
+    assert "naming what is missing" in printed
+    assert "\nwarning: noise_small" in printed.replace("\r", "\n")
 
 
 def test_the_status_is_zero_whatever_the_verdict(api, tmp_path, capsys):
     api["diagnosis"] = adequate_diagnosis()
     assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "No recording was kept aside" in told
-    assert "->" not in told
+    printed = capsys.readouterr().out
+    assert "No recording was held out" in printed
+    assert "->" not in printed
 
 
 def test_bare_recordings(api, tmp_path):
@@ -162,9 +162,9 @@ def test_bare_recordings(api, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["case.toml", "run.csv"], "case.toml: a case file names its own recordings"),
-        (["case.toml", "--holdout", "run.csv"], "case.toml: a case file names its own recordings"),
-        (["case.toml", "--motor-constant", "16"], "`--motor-constant` is for bare recordings"),
+        (["case.toml", "run.csv"], "case.toml: a case file lists its own recordings"),
+        (["case.toml", "--holdout", "run.csv"], "case.toml: a case file lists its own recordings"),
+        (["case.toml", "--motor-constant", "16"], "`--motor-constant` is for recordings without a case file"),
     ],
 )
 def test_a_case_file_stands_alone(api, tmp_path, capsys, arguments, words):
@@ -223,10 +223,10 @@ def test_the_demo_opens_its_seal_at_the_end(api, tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr("frictionjax.demo.write_demo_case", write_demo_case)
     assert main(["demo", "--out", str(tmp_path), "--seed", "7"]) == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert api["case"] == f"case of {tmp_path / 'case' / 'case.toml'}"
     assert json.loads((tmp_path / "case" / "sealed" / "truth.json").read_text())["seed"] == 7
-    sealed = told[told.index("Sealed until now") :].split("\n", 1)[1]
+    sealed = printed[printed.index("True model") :].split("\n", 1)[1]
     assert [line.split() for line in sealed.splitlines()] == [
         ["truth", "found"],
         ["missing", "maxwell_slip", "maxwell_slip/elasto_plastic"],

@@ -1,7 +1,8 @@
 """The identification of robotics' textbooks: derivatives of the measured position, then linear least squares.
 
 Of a mass with Coulomb and viscous friction, `motor_constant` u = J a + Fc sgn v + sigma2 v + offset. In closed loop the
-noise of the encoder is in both sides, and the estimate is biased; instruments that are free of the noise mend that.
+noise of the encoder is in both sides, and the estimate is biased; instruments that are free of the noise remove the
+bias.
 """
 
 from collections.abc import Sequence
@@ -46,7 +47,7 @@ def derivatives(x: np.ndarray, dt: float, every: int) -> tuple[np.ndarray, np.nd
 
 
 def between(u: np.ndarray, every: int) -> np.ndarray:
-    """The held input `u` (n,) as the second difference sees it, shape (n - 2 `every`,): J times the acceleration of
+    """The held input `u` (n,) as it enters the second difference, shape (n - 2 `every`,): J times the acceleration of
     `derivatives` is exactly this for a free mass. For `every` = 1 it is the mean of the holds on both sides."""
     rising = (np.arange(every) + 0.5) / every**2
     return np.convolve(u[:-1], np.concatenate([rising, rising[::-1]]), mode="valid")

@@ -1,7 +1,7 @@
-"""The embedded case of `frictionjax demo`: a machine that stands in for reality.
+"""The case of `frictionjax demo`: a simulated machine in place of a real one.
 
-Nothing here knows the models, the integrator or the estimators of the package, and none of them knows this:
-its friction is of another form, and its motion is computed by other means.
+It shares no code with the models, the integrator or the estimators of the package: its friction has another form, and
+its motion is computed by another scheme.
 """
 
 from frictionjax.demo.write import write_demo_case as write_demo_case

@@ -1,8 +1,9 @@
-"""The arm of the demo: the numbers behind its motion, which the recordings do not show."""
+"""The arm of the demo: its true parameters, which are not part of the case."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Arm:
     noise: float = 0.4
 
     @property
-    def yield_shares(self) -> np.ndarray:
+    def yield_shares(self) -> Float[np.ndarray, " elements"]:
         """Part of `s(v)` at which each element yields, shape `(elements,)`; their sum is `share`.
 
         The limits are spaced evenly in the logarithm. A single bristle behaves under a first load like elements

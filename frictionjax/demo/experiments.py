@@ -1,9 +1,11 @@
-"""What was done to the demo's arm: six recordings to fit, two to keep aside."""
+"""The experiments on the demo's arm: six recordings to fit, two held-out ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.demo.arm import Arm
 from frictionjax.demo.motion import SAMPLE_RATE
@@ -18,26 +20,33 @@ class Experiment:
     - `name`: the stem of its file.
     - `role`: `"fit"` or `"holdout"`.
     - `loop`: `"open"` (`signal` is a voltage, V) or `"closed"` (`signal` is the position to follow, rad).
-    - `signal`: what is asked of the machine at each sample, shape `(n,)`.
+    - `signal`: voltage or reference at each sample, shape `(n,)`.
     """
 
     name: str
     role: Literal["fit", "holdout"]
     loop: Literal["open", "closed"]
-    signal: np.ndarray
+    signal: Float[np.ndarray, " n"]
 
 
-def _time(seconds: float) -> np.ndarray:
+Signal = Float[np.ndarray, " n"]
+"""One value at each sample."""
+
+Corners = Sequence[tuple[float, float]]
+"""Times (s) and levels."""
+
+
+def _time(seconds: float) -> Signal:
     return np.arange(round(seconds * SAMPLE_RATE)) / SAMPLE_RATE
 
 
-def _binary_noise(rng, seconds):
+def _binary_noise(rng: np.random.Generator, seconds: float) -> Signal:
     """Random signs, a new one every other sample: power up to about 450 Hz, rms 1."""
     n = round(seconds * SAMPLE_RATE)
     return np.repeat(rng.choice([-1.0, 1.0], n // 2 + 1), 2)[:n]
 
 
-def _gaussian_noise(rng, seconds):
+def _gaussian_noise(rng: np.random.Generator, seconds: float) -> Signal:
     """Gaussian noise without power above 500 Hz, rms 1."""
     spectrum = np.fft.rfft(rng.standard_normal(round(seconds * SAMPLE_RATE)))
     n = round(seconds * SAMPLE_RATE)
@@ -47,13 +56,13 @@ def _gaussian_noise(rng, seconds):
     return signal / np.sqrt(np.mean(signal**2))
 
 
-def _polyline(seconds, corners):
+def _polyline(seconds: float, corners: Corners) -> Signal:
     """Straight lines through `corners`, pairs of a time (s) and a level."""
     times, levels = zip(*corners, strict=True)
     return np.interp(_time(seconds), times, levels)
 
 
-def _triangles(levels, rate, pause):
+def _triangles(levels: Sequence[float], rate: float, pause: float) -> Corners:
     """Corners of a line that visits `levels` in turn at `rate` per second, after a `pause` in seconds at zero."""
     corners = [(0.0, 0.0), (pause, 0.0)]
     for level in levels:
@@ -61,12 +70,12 @@ def _triangles(levels, rate, pause):
     return corners
 
 
-def _sines(bursts):
+def _sines(bursts: Sequence[tuple[float, float, int]]) -> Signal:
     """Whole periods of sines in turn; each of `bursts` is a frequency (Hz), an amplitude and a number of periods."""
     return np.concatenate([a * np.sin(2.0 * np.pi * f * _time(periods / f)) for f, a, periods in bursts])
 
 
-def _moves(seconds, moves):
+def _moves(seconds: float, moves: Sequence[tuple[float, float, float]]) -> Signal:
     """Minimum-jerk moves from zero; each of `moves` is a distance (rad), a duration (s) and the rest after it (s)."""
     t, start, position = _time(seconds), 0.2, np.zeros(round(seconds * SAMPLE_RATE))
     for distance, duration, rest in moves:
@@ -76,7 +85,7 @@ def _moves(seconds, moves):
     return position
 
 
-def _sweep(seconds, low, high, wide, narrow):
+def _sweep(seconds: float, low: float, high: float, wide: float, narrow: float) -> Signal:
     """A sine whose frequency (Hz) rises and whose amplitude (rad) falls, both exponentially."""
     t = _time(seconds)
     growth = np.log(high / low) / seconds
@@ -85,7 +94,7 @@ def _sweep(seconds, low, high, wide, narrow):
 
 
 def plan(arm: Arm, rng: np.random.Generator) -> tuple[Experiment, ...]:
-    """The eight experiments, as an operator would set them up who knows the break-away torque roughly.
+    """The eight experiments, designed from a rough knowledge of the break-away torque.
 
     **Arguments:**
 

@@ -6,7 +6,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.demo.arm import Arm
 
@@ -16,7 +16,7 @@ SUBSTITUTIONS = 3
 
 @dataclass(frozen=True)
 class Motion:
-    """What happened in `lanes` experiments side by side.
+    """The motion in `lanes` experiments side by side.
 
     **Attributes:**
 
@@ -26,18 +26,27 @@ class Motion:
     - `measured`: position as the encoder gives it, rad, shape `(n, lanes)`.
     """
 
-    u: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    measured: np.ndarray
+    u: Float[np.ndarray, "n lanes"]
+    x: Float[np.ndarray, "n lanes"]
+    v: Float[np.ndarray, "n lanes"]
+    measured: Float[np.ndarray, "n lanes"]
 
 
-def _stribeck(p, v):
+Numbers = dict[str, Float[Array, ""] | Float[Array, " elements"]]
+"""The numbers of the arm by name; `yield_shares` has one for each element."""
+
+State = tuple[
+    Float[Array, " lanes"], Float[Array, " lanes"], Float[Array, "elements lanes"], Float[Array, " lanes"]
+]
+"""Position, velocity, force of each element and deflection of the bristle."""
+
+
+def _stribeck(p: Numbers, v: Float[Array, " lanes"]) -> Float[Array, " lanes"]:
     """Torque of steady sliding at velocity `v` without its viscous part, N*m."""
     return p["Fc"] + (p["Fs"] - p["Fc"]) * jnp.exp(-((v / p["vs"]) ** 2))
 
 
-def _step(state, torque, p, h):
+def _step(state: State, torque: Float[Array, " lanes"], p: Numbers, h: float) -> State:
     """One internal step of `h` seconds under a constant `torque`, shape `(lanes,)`.
 
     The mean velocity `w` over the step satisfies `J (w - v) = h / 2 (torque - friction(w))`, the trapezoidal rule,
@@ -50,7 +59,9 @@ def _step(state, torque, p, h):
     # Torque per velocity of an element's spring over one step, and of its damper in units of the spring's change.
     spring, damper = p["sigma0"] * p["share"] * h / force.shape[0], p["sigma1"] / (p["sigma0"] * h)
 
-    def friction(w):
+    def friction(
+        w: Float[Array, " lanes"],
+    ) -> tuple[Float[Array, " lanes"], Float[Array, "elements lanes"], Float[Array, " lanes"]]:
         limit = p["yield_shares"][:, None] * _stribeck(p, 2.0 * w - v)[None, :]
         new_force = jnp.clip(force + spring * w[None, :], -limit, limit)
         slip = jnp.sum(0.5 * (force + new_force) + damper * (new_force - force), axis=0)
@@ -65,21 +76,37 @@ def _step(state, torque, p, h):
     w = v
     for _ in range(SUBSTITUTIONS):
         w = v + 0.5 * h / p["J"] * (torque - friction(w)[0])
-    # Position, forces and deflection are moved by one and the same w, so that loops close to the last digit.
+    # Position, forces and deflection advance with the same w, so that loops close to the last digit.
     total, new_force, new_z = friction(w)
     return x + h * w, v + h / p["J"] * (torque - total), new_force, new_z
 
 
 @partial(jax.jit, static_argnames="substeps")
-def _scan(p, volts, reference, noise, kp, kd, substeps):
+def _scan(
+    p: Numbers,
+    volts: Float[Array, "n lanes"],
+    reference: Float[Array, "n lanes"],
+    noise: Float[Array, "n lanes"],
+    kp: Float[Array, " lanes"],
+    kd: Float[Array, " lanes"],
+    substeps: int,
+) -> tuple[
+    Float[Array, "n lanes"], Float[Array, "n lanes"], Float[Array, "n lanes"], Float[Array, "n lanes"]
+]:
     h = 1.0 / (SAMPLE_RATE * substeps)
     lanes = volts.shape[1]
 
-    def sample(carry, inputs):
+    def sample(
+        carry: tuple[State, Float[Array, " lanes"], Float[Array, " lanes"]],
+        inputs: tuple[Float[Array, " lanes"], Float[Array, " lanes"], Float[Array, " lanes"]],
+    ) -> tuple[
+        tuple[State, Float[Array, " lanes"], Float[Array, " lanes"]],
+        tuple[Float[Array, " lanes"], Float[Array, " lanes"], Float[Array, " lanes"], Float[Array, " lanes"]],
+    ]:
         state, error, slope = carry
         volt, target, disturbance = inputs
-        # The controller sees what the encoder gives, and answers at once; the drive holds its answer until the
-        # next sample. Its derivative is filtered at 200 Hz: bare differences of encoder counts would only rattle.
+        # The controller acts on the encoder's position without delay; the drive holds its output until the next
+        # sample. Its derivative is filtered at 200 Hz: raw differences of encoder counts are too noisy.
         measured = jnp.round(state[0] / p["encoder_step"] + disturbance) * p["encoder_step"]
         new_error = target - measured
         blend = 1.0 - jnp.exp(-2.0 * jnp.pi * 200.0 / SAMPLE_RATE)
@@ -96,12 +123,12 @@ def _scan(p, volts, reference, noise, kp, kd, substeps):
 
 def move(
     arm: Arm,
-    volts: ArrayLike,
+    volts: Real[ArrayLike, "n lanes"],
     *,
-    reference: ArrayLike | None = None,
-    noise: ArrayLike | None = None,
-    kp: ArrayLike | None = None,
-    kd: ArrayLike | None = None,
+    reference: Real[ArrayLike, "n lanes"] | None = None,
+    noise: Real[ArrayLike, "n lanes"] | None = None,
+    kp: Real[ArrayLike, " lanes"] | None = None,
+    kd: Real[ArrayLike, " lanes"] | None = None,
     substeps: int = 20,
 ) -> Motion:
     """Run experiments side by side, each from rest, from zero position and from unloaded friction.
@@ -112,8 +139,8 @@ def move(
     **Arguments:**
 
     - `arm`: the machine.
-    - `volts`: voltage that is applied in any case, V, shape `(n, lanes)`.
-    - `reference`: where a controller should go, rad, shape `(n, lanes)`; zero if left out.
+    - `volts`: input voltage, to which a controller adds, V, shape `(n, lanes)`.
+    - `reference`: position for a controller to follow, rad, shape `(n, lanes)`; zero if left out.
     - `noise`: sensor noise before quantisation, in encoder steps, shape `(n, lanes)`; none if left out.
     - `kp`, `kd`: gains of the controller, V/rad and V*s/rad, shape `(lanes,)`; zero, an open loop, if left out.
     - `substeps`: internal steps per sample of 0.5 ms; 20 make 40 kHz.

@@ -1,10 +1,11 @@
-"""Writes the demo's case: recordings, case.toml, and the sealed truth."""
+"""Writes the demo's case: recordings, case.toml, and the true parameters in a folder `sealed`."""
 
 import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.core.progress import Progress, silent
 from frictionjax.demo.arm import Arm, draw_arm
@@ -14,11 +15,13 @@ from frictionjax.demo.motion import SAMPLE_RATE, move
 PAUSE = 10.0  # s between recordings, for the clock that they share
 
 
-def _run(arm: Arm, experiments: tuple[Experiment, ...], rng: np.random.Generator) -> list[tuple]:
+def _run(
+    arm: Arm, experiments: tuple[Experiment, ...], rng: np.random.Generator
+) -> list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]:
     """Voltage and measured position of each experiment; all are run side by side and cut to their own lengths."""
     n = max(e.signal.size for e in experiments)
     closed = np.array([e.loop == "closed" for e in experiments])
-    # A shorter experiment is padded: an open loop by no voltage, a closed one by staying where it was sent.
+    # A shorter experiment is padded: an open loop with zero voltage, a closed one with its last reference.
     asked = np.stack(
         [
             np.pad(e.signal, (0, n - e.signal.size), mode="edge" if e.loop == "closed" else "constant")
@@ -41,7 +44,7 @@ def _run(arm: Arm, experiments: tuple[Experiment, ...], rng: np.random.Generator
     ]
 
 
-def _csv(u: np.ndarray, x: np.ndarray) -> str:
+def _csv(u: Float[np.ndarray, " n"], x: Float[np.ndarray, " n"]) -> str:
     rows = zip((np.arange(u.size) / SAMPLE_RATE).tolist(), u.tolist(), x.tolist(), strict=True)
     return "t,u,x\n" + "".join(f"{t:.4f},{volt:.9g},{position:.10g}\n" for t, volt, position in rows)
 
@@ -80,11 +83,11 @@ def _truth(arm: Arm, seed: int) -> str:
 def write_demo_case(
     directory: str | Path, *, seed: int = 2002, base: bool = False, progress: Progress = silent
 ) -> Path:
-    """Run the demo's experiments and write them as a case: the paper's arm, and what the paper could not explain.
+    """Run the demo's experiments on an arm like the paper's, and write them as a case.
 
     The arm shows what the paper's Fig. 5 and 6(b) show: at small torque it is the spring that a frequency response
-    measures, at large torque it moves further than a LuGre model of it. Why is in `sealed/truth.json`, which no
-    part of the package reads.
+    measures, at large torque it moves further than a LuGre model of it. The cause is in `sealed/truth.json`, which the
+    diagnosis does not read.
 
     **Arguments:**
 
@@ -92,7 +95,7 @@ def write_demo_case(
     - `seed`: draws the arm, the noise that excites it and the noise of its encoder; the same seed gives the same
         files.
     - `base`: whether friction is a plain LuGre bristle, so that nothing is missing.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** the path of `case.toml`. Beside it are one CSV file a recording (columns `t` in s, `u` in V, `x` in
     rad, 2 kHz) and the folder `sealed`.

@@ -9,6 +9,19 @@ from frictionjax.physics import Drive
 _TINY = 1e-100  # its cube is still a number
 
 
+def friction_scales(drive: Drive, stroke: float, dt: float) -> dict[str, float]:
+    """Sizes that follow from the friction of `drive` alone, and the `stroke` (position units) and `dt` (s) themselves,
+    by the names that `Parameter.scale` may use."""
+    friction = drive.friction
+    return {
+        "Fc": float(friction.Fc),
+        "sigma0": float(friction.sigma0),
+        "zs": float(friction.Fs / friction.sigma0),
+        "stroke": stroke,
+        "dt": dt,
+    }
+
+
 def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float]:
     """Sizes by the names that `Parameter.scale` may use.
 
@@ -29,19 +42,15 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
     noise = None if isinstance(batch, Forces) else batch.position_noise
     largest = 1.0 if inputs is None else max(float(np.max(np.abs(np.asarray(inputs)))), _TINY)
     return {
-        "Fc": Fc,
-        "sigma0": float(friction.sigma0),
+        **friction_scales(drive, stroke, float(np.min(dt))),
         "sigma2": float(friction.sigma2),
         "vs": float(friction.vs),
-        "zs": float(friction.Fs / friction.sigma0),
-        "stroke": stroke,
         "half_stroke": 0.5 * stroke,
         "half_speed": float(np.arcsinh(top / float(friction.vs))),
         "zero": 0.0,
         "one": 1.0,
         "center": float(0.5 * (low + high)),
         "Fc/stroke": Fc / stroke,
-        "dt": float(np.min(dt)),
         "u": largest,
         "1/u^2": 1.0 / largest**2,
         "Fc/speed^2": Fc / top**2,

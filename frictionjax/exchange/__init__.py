@@ -1,4 +1,4 @@
-"""Results that travel: fits as JSON files, drives for MuJoCo."""
+"""Results for other programs: fits as JSON files, drives as MuJoCo models."""
 
 from frictionjax.exchange.fit_file import load_fit as load_fit
 from frictionjax.exchange.fit_file import save_fit as save_fit

@@ -1,6 +1,7 @@
 """A fit as JSON and back: `save_fit` and `load_fit`, schema `frictionjax.fit/1`.
 
-The data stay behind. Numbers that are not finite are null, as in verdict.json; all others come back to the last bit.
+The data are not saved. Numbers that are not finite are null, as in verdict.json; all others are read back to the
+last bit.
 """
 
 import json
@@ -37,11 +38,11 @@ def fit_to_json(result: FitResult) -> str:
 
     **Returns:**
 
-    The text. It holds all of `result` but `posterior` and `vector`: the data are not saved.
+    The text: all of `result` but `posterior` and `vector`, because the data are not saved.
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `ValueError` for a drive that holds arrays in place of numbers.
+    `PrecisionError` unless JAX computes in float64; `ValueError` for a drive with arrays in place of numbers.
     """
     require_x64()
     content = {
@@ -71,8 +72,8 @@ def fit_from_json(text: str, *, file: object = None) -> FitResult:
 
     **Returns:**
 
-    A `FitResult`, equal to the one written but for `posterior` and `vector`: both are None, for the data are not
-    saved. Null is read as infinite in standard errors, covariances and cost, as NaN elsewhere.
+    A `FitResult`, equal to the one written but for `posterior` and `vector`: both are None, because the data are
+    not saved. Null is read as infinite in standard errors, covariances and cost, as NaN elsewhere.
 
     **Raises:**
 
@@ -85,7 +86,7 @@ def fit_from_json(text: str, *, file: object = None) -> FitResult:
     except (ValueError, RecursionError) as error:
         raise InputError(f"is not JSON: {shown(error)}", file=file, cure=AGAIN) from error
     if not isinstance(content, dict):
-        raise InputError("is JSON, but no table with a `schema`", file=file, cure=AGAIN)
+        raise InputError("is JSON, but not a table with a `schema`", file=file, cure=AGAIN)
     root = Table(content, "", file)
     if content.get("schema") != SCHEMA:
         root.fail(
@@ -149,7 +150,7 @@ def load_fit(path: str | Path) -> FitResult:
 
     **Returns:**
 
-    A `FitResult` whose `posterior` and `vector` are None, for the data are not saved; else as in `fit_from_json`.
+    A `FitResult` whose `posterior` and `vector` are None, because the data are not saved; else as in `fit_from_json`.
 
     **Raises:**
 

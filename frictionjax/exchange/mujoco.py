@@ -1,4 +1,4 @@
-"""A drive for MuJoCo: the joint and the actuators in MJCF, and what is lost on the way.
+"""A drive for MuJoCo: the joint and the actuators in MJCF, and what MuJoCo cannot represent.
 
 MuJoCo itself is not needed here. Its `frictionloss` is Coulomb friction alone, in any version; from version 4.0 its
 `dcmotor` actuator has the LuGre bristle of equations (1) and (2), with the same Stribeck curve.
@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 import equinox as eqx
 import numpy as np
 
-from frictionjax.core import InputError
+from frictionjax.core import InputError, Parameter
 from frictionjax.estimation import FitResult
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import Drive
@@ -39,10 +39,10 @@ class MujocoJoint(eqx.Module):
 
     **Attributes:**
 
-    - `joint`: the `<joint>` element, for the body that moves; it says no axis (MuJoCo's default is z).
+    - `joint`: the `<joint>` element, for the body that moves; it sets no axis (MuJoCo's default is z).
     - `actuators`: elements for `<actuator>`: the motor, whose control is the input of the drive, and for LuGre the
         passive dcmotor.
-    - `lost`: sentences on what the drive has and MuJoCo's model has not.
+    - `lost`: sentences on what the drive has and MuJoCo's model cannot represent.
     - `timestep`: the largest time step advised, s: a tenth of the faster time scale of the sticking bristle
         (infinite where there is no bristle); a bristle without damping needs less.
     - `kind`: `"hinge"` or `"slide"`.
@@ -50,7 +50,7 @@ class MujocoJoint(eqx.Module):
     - `trial_inertia`: what `mjcf` gives to the body, in units of J.
     - `stderr`: of a fit, name -> standard error of `armature`, `body_inertia`, `damping`, `gear`, of `stiffness` and
         `frictionloss` where there are any, and of the numbers in `lugre` by their symbols, each in its own unit;
-        `inf` where the data do not hold it, 0 for what was not free in the fit. Empty for a drive.
+        `inf` where the data do not determine it, 0 for what was not free in the fit. Empty for a drive.
     """
 
     joint: str = eqx.field(static=True)
@@ -63,7 +63,7 @@ class MujocoJoint(eqx.Module):
     stderr: dict[str, float] = eqx.field(static=True)
 
     def mjcf(self, timestep: float | None = None) -> str:
-        """A whole model with this joint alone, without gravity, to try it or to copy from.
+        """A complete model with this joint alone, without gravity, to try or to copy from.
 
         **Arguments:**
 
@@ -98,7 +98,7 @@ def mujoco_joint(
     kind: Kind = "hinge",
     name: str = "joint",
     friction: Literal["lugre", "frictionloss"] = "lugre",
-    body_inertia: float | None = None,
+    body_inertia: float | int | None = None,
 ) -> MujocoJoint:
     """The joint and the actuators that behave like `drive` in MuJoCo.
 
@@ -113,12 +113,12 @@ def mujoco_joint(
     - `kind`: `"hinge"` or `"slide"`.
     - `name`: of the joint; the actuators are called after it.
     - `friction`: `"lugre"` or `"frictionloss"`.
-    - `body_inertia`: the part of J that the body itself is to have: inertia about the joint (hinge) or mass (slide),
-        in units of J. The rest is armature. None: nothing for a hinge, all for a slide.
+    - `body_inertia`: the part of J assigned to the body itself: inertia about the joint (hinge) or mass (slide),
+        in units of J. The rest is armature. None: zero for a hinge, J for a slide.
 
     **Returns:**
 
-    A `MujocoJoint`, whose `lost` says what was left out.
+    A `MujocoJoint`, whose `lost` lists what was left out.
 
     **Raises:**
 
@@ -139,7 +139,7 @@ def mujoco_joint(
     if not 0.0 <= body_inertia <= (1.0 + _BODY_SLACK) * J:
         raise InputError(
             f"`body_inertia` is {body_inertia:g}; it must lie between 0 and J = {J:g}",
-            cure="J is all that moves: body and motor together",
+            cure="J is the inertia of body and motor together",
         )
     springs = [effect for effect in drive.effects if isinstance(effect, ReturnSpring)]
     stiffness = sum(float(spring.stiffness) for spring in springs)
@@ -194,19 +194,21 @@ def _stderr(result: FitResult, labels: list[str]) -> float:
     if any(math.isinf(found.get(label, 0.0)) for label in labels):
         return math.inf
     free = [result.names.index(label) for label in labels if label in result.names]
-    # How a tied parameter goes with the others is not in a file: no correlation makes their sum worse than this.
+    # The correlation of a tied parameter with the others is not in a file: this is the bound over all correlations.
     tied = sum(found[label] for label in labels if label in found and label not in result.names)
     return math.sqrt(max(float(np.sum(result.covariance[np.ix_(free, free)])), 0.0)) + tied
 
 
 def _numbers(drive: Drive, lugre: bool) -> dict[str, float]:
-    """The base parameters by name, checked: those with a log or below a fraction must be positive."""
+    """The base parameters by name, checked: divisors must be positive."""
     numbers = {"J": drive.J, "motor_constant": drive.motor_constant}
     numbers |= {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
     arrays = [key for key, value in numbers.items() if np.ndim(value)]
     arrays += [e.name for e in drive.effects for p in _parameters(e) if np.ndim(getattr(e, p.name))]
     if arrays:
-        raise ValueError(f"`drive` holds arrays ({', '.join(arrays)}); MuJoCo takes one drive at a time.")
+        raise ValueError(
+            f"`drive` has arrays as parameters ({', '.join(arrays)}); MuJoCo takes one drive at a time."
+        )
     values = {key: float(value) for key, value in numbers.items()}
     positive = {"J", "Fc"} | ({"sigma0", "Fs", "vs"} if lugre else set())
     for key, value in values.items():
@@ -224,7 +226,7 @@ def _fastest(values: dict[str, float]) -> float:
 
 
 def _lost_friction(values: dict[str, float]) -> tuple[str, ...]:
-    """What frictionloss has not."""
+    """What frictionloss cannot represent."""
     return (
         f"Presliding is lost: the bristle (sigma0 = {values['sigma0']:.6g}, sigma1 = {values['sigma1']:.6g}) is a "
         "constraint of MuJoCo's solver, which creeps under a force below break-away.",
@@ -233,7 +235,7 @@ def _lost_friction(values: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _parameters(effect: AbstractEffect):
+def _parameters(effect: AbstractEffect) -> tuple[Parameter, ...]:
     return effect.strengths + effect.nuisances
 
 

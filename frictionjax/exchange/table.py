@@ -1,4 +1,4 @@
-"""What a file of a fit holds, read field by field, and the sentence for a field that is wrong."""
+"""The fields of a fit file, read one by one, with an error message for each that is wrong."""
 
 import dataclasses
 import json
@@ -27,7 +27,7 @@ def fields_of(form: type) -> tuple[str, ...]:
 
 
 class Table(eqx.Module):
-    """A table of the file, asked for its fields by key; an `InputError` for one that is missing or of another kind.
+    """A table of the file whose fields are read by key; an `InputError` for one that is missing or of another kind.
 
     **Attributes:**
 
@@ -96,7 +96,7 @@ class Table(eqx.Module):
         return np.array([rows._row(str(i), size, null) for i in range(size)], dtype=float).reshape(size, size)
 
     def only(self, names: tuple[str, ...]) -> None:
-        """Raise the `InputError` for a key that is not one of `names`: what it holds would be lost."""
+        """Raise the `InputError` for a key that is not one of `names`: its value would be ignored."""
         for key in self.content:
             if key not in names:
                 self.fail(key, f"`{shown(key)}` is not known here", _instead(key, names))

@@ -1,7 +1,7 @@
-"""What experiments can tell, before they are made: Fisher information, Cramer-Rao bounds, identifiability in words, and
-which experiments to make."""
+"""The information in experiments before they are made: Fisher information, Cramer-Rao bounds, identifiability in words,
+and experiment design."""
 
-from frictionjax.information.candidates import Rejected as Rejected
+from frictionjax.information.candidate_experiments import Rejected as Rejected
 from frictionjax.information.discrimination import Discrimination as Discrimination
 from frictionjax.information.discrimination import Discriminator as Discriminator
 from frictionjax.information.discrimination import rank_for_discrimination as rank_for_discrimination

@@ -1,7 +1,7 @@
-"""How much an experiment is worth: D, D_s and A optimality (Atkinson, Donev, Tobias 2007, ch. 10) with a weak prior.
+"""The value of an experiment: D, D_s and A optimality (Atkinson, Donev, Tobias 2007, ch. 10) with a weak prior.
 
-An information matrix stands as rows R with R'R = I throughout: their QR keeps a direction that is 1e-16 of another,
-where the matrix itself rounds away 1e-8 of it.
+An information matrix I is represented by rows R with R'R = I throughout: a QR of R resolves a direction that is 1e-16
+of another, where the matrix itself loses those below 1e-8 to rounding.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from frictionjax.core.safe import real
 from frictionjax.information.fisher import PRIOR, Information, scaled_to_ones
 
 Kind = Literal["D", "A", "parameter"]
-"""What counts: all parameters (D, nats), those asked for (parameter, nats), or their mean relative variance (A)."""
+"""All parameters (D, nats), those asked for (parameter, nats), or their mean relative variance (A)."""
 
 
 class Criterion(eqx.Module):
@@ -53,7 +53,7 @@ class Criterion(eqx.Module):
 
 
 class Question(NamedTuple):
-    """What one wants to know: the `kind` of criterion, and the names `of` the parameters asked for (None: all)."""
+    """What an experiment is to determine: the `kind` of criterion, and the names `of` the parameters (None: all)."""
 
     kind: Kind
     of: tuple[str, ...] | None
@@ -67,7 +67,7 @@ class Question(NamedTuple):
         return Criterion(jnp.asarray(order), real(counts), real(scale), jnp.asarray(self.kind == "A"))
 
     def in_words(self, gain: float, names: tuple[str, ...]) -> str:
-        """What a `gain` is, as the end of a sentence that begins with an experiment; `names` are all parameters."""
+        """A `gain` in words, as the end of a sentence that begins with an experiment; `names` are all parameters."""
         if self.kind == "A":
             return f"lowers the mean variance of {', '.join(self.of or names)} by {gain:.3g}"
         return f"adds {gain:.3g} nats" + (f" about {', '.join(self.of)}" if self.of else "")
@@ -102,19 +102,21 @@ def question_of(kind: Kind, of: str | Sequence[str] | None, names: tuple[str, ..
 
 
 def root_of(matrix: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Rows R, shape `(p, p)`, with R'R the information `matrix`; what rounding made negative counts as nothing."""
+    """Rows R, shape `(p, p)`, with R'R the information `matrix`; negative eigenvalues, from rounding, count as zero."""
     size, scaled = scaled_to_ones(matrix)
     values, vectors = np.linalg.eigh(scaled)
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size[None, :]
 
 
-def held_rows(known: Information | None, names: tuple[str, ...], values) -> Float[np.ndarray, "p p"]:
-    """Rows of what is `known`, shape `(p, p)` (zeros for None), about `names` of these `values`, or an error."""
+def known_rows(
+    known: Information | None, names: tuple[str, ...], values: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, "p p"]:
+    """Rows of the information `known` before, shape `(p, p)` (zeros for None), about `names` at these `values`."""
     if known is None:
         return np.zeros((len(names), len(names)))
     if known.names != names or not np.allclose(known.values, values, rtol=1e-12, atol=0.0):
         raise InputError(
-            f"it is about {', '.join(known.names)}, or at other values than `drive` has",
+            f"it is about {', '.join(known.names)}, or its values differ from those of `drive`",
             place="`known`",
             cure=f"Make it with the same `drive` and with `free` = {', '.join(names)}.",
         )
@@ -128,11 +130,11 @@ def held_rows(known: Information | None, names: tuple[str, ...], values) -> Floa
 
 
 def bounds_in_words(information: Information, asked: Sequence[str] | None = None) -> str:
-    """The least standard deviations of the parameters `asked` for (None: all), and which are not held, as a phrase."""
+    """Least standard deviations of the parameters `asked` for (None: all), and the unidentifiable ones, as a phrase."""
     names, std = information.names if asked is None else tuple(asked), information.std
     units = dict(zip(information.names, information.units, strict=True))
     logs = dict(zip(information.names, information.logs, strict=True))
-    held = [
+    determined = [
         f"{name} to {100.0 * std[name]:.2g} %"
         if logs[name]
         else f"{name} to {std[name]:.2g} {units[name].replace('{', '').replace('}', '')}".removesuffix(" 1")
@@ -140,5 +142,5 @@ def bounds_in_words(information: Information, asked: Sequence[str] | None = None
         if np.isfinite(std[name])
     ]
     lost = [name for name in names if not np.isfinite(std[name])]
-    told = [f"least standard deviations: {', '.join(held)}"] if held else []
-    return "; ".join(told + ([f"not held: {', '.join(lost)}"] if lost else []))
+    parts = [f"least standard deviations: {', '.join(determined)}"] if determined else []
+    return "; ".join(parts + ([f"not identifiable: {', '.join(lost)}"] if lost else []))

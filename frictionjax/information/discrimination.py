@@ -1,7 +1,7 @@
-"""`rank_for_discrimination`: which experiment tells two models of a machine apart, whatever the rival's parameters do.
+"""`rank_for_discrimination`: which experiment discriminates best between two models, the rival refitted.
 
-A difference of two models is worth nothing where the rival makes up for it with other values of its parameters. What
-is left after it was refitted, over the noise, is the d' at which they are told apart.
+A difference between two models does not count where other parameter values of the rival reproduce it. What remains
+after the refit, over the noise, is their distance d'.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,13 @@ from scipy.stats import norm
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, silent
-from frictionjax.information.candidates import Candidate, Rejected, broken_limits, candidates_of, limits_of
+from frictionjax.information.candidate_experiments import (
+    Candidate,
+    Rejected,
+    broken_limits,
+    candidates_of,
+    limits_of,
+)
 from frictionjax.information.planned import Numbers, plan_of, values_of
 from frictionjax.information.refitting import Distance, Rival, distance, finite_or_error
 from frictionjax.information.rivals import base_and, free_of, named_pair
@@ -21,11 +27,11 @@ from frictionjax.physics.effects import AbstractEffect
 
 LEVEL = 0.05
 """Probability of rejecting a model that is true, in the test whose power is `Discriminator.probability`."""
-_SILENT = Distance(np.inf, np.inf, True)  # the base model as truth: its rival always fits
+_ALWAYS_FITS = Distance(np.inf, np.inf, True)  # with the base model as truth, its rival always fits
 
 
 class Discriminator(eqx.Module):
-    """A candidate experiment and how well it tells the two models apart.
+    """A candidate experiment and how well it discriminates between the two models.
 
     **Attributes:**
 
@@ -33,7 +39,7 @@ class Discriminator(eqx.Module):
     - `d_prime`: least distance of the two models in standard deviations of the noise, after the refit: the smaller of
         the next two.
     - `first_true`, `second_true`: d' when the first (second) model is true and the other refitted; `inf` where the
-        direction cannot tell: a model with an effect always fits what the base model makes.
+        base model is true: a model with an effect always fits its data.
     - `one_step`: the smaller of the two by the linear projection alone.
     - `converged`: whether, in the direction that counts, no further step of the refit promises to lower d'^2 by more
         than 2 %; else `d_prime` is an upper bound, or for `refit_steps = 0` that of the linear projection.
@@ -52,7 +58,7 @@ class Discriminator(eqx.Module):
 
 
 class Discrimination(eqx.Module):
-    """Candidate experiments, the one that best tells two models apart first.
+    """Candidate experiments, the one that discriminates best first.
 
     **Attributes:**
 
@@ -88,7 +94,7 @@ def rank_for_discrimination(
     substeps: int = 2,
     progress: Progress = silent,
 ) -> Discrimination:
-    """Rank candidate experiments by how well they tell whether `first` or `second` is what `drive` leaves out.
+    """Rank candidate experiments by how well they discriminate between `first` and `second` as what `drive` leaves out.
 
     T-optimality (Atkinson and Fedorov, Biometrika 62, 1975): with x1 the positions of the true model, x2(q) those of
     its rival, S2 = dx2/dq and P the projector off the span of S2 (less a weak prior of three times the size of each q),
@@ -96,7 +102,7 @@ def rank_for_discrimination(
         d'^2 = min over q of ||x1 - x2(q)||^2 / noise^2,    in one step:   ||P (x1 - x2(0))||^2 / noise^2
 
     and the smaller d' of the two directions counts (1 true and 2 refitted; 2 true and 1 refitted). The projection is
-    linear: it is one step of Gauss and Newton from the guess, and wrong where the rival has to move far. At most
+    linear: it is one step of Gauss and Newton from the guess, and wrong where the rival's parameters move far. At most
     `refit_steps` steps, each simulated anew, and shortened or damped (Levenberg and Marquardt) until it fits better,
     correct for that; d' is then what the last simulation leaves. The refit starts with the rival's strengths as given
     or with none, whichever fits better, and with the other if that does not converge.
@@ -164,7 +170,7 @@ def rank_for_discrimination(
                 way = (
                     distance(rival, own, truth, session, place, refit_steps)
                     if effect is not None
-                    else _SILENT
+                    else _ALWAYS_FITS
                 )
                 ways.append(way)
             entries.append(_entry(name, ways, names, refit_steps))
@@ -184,8 +190,8 @@ def _entry(name: str, ways: list[Distance], models: tuple[str, str], steps: int)
     z = norm.ppf(1.0 - LEVEL / 2.0)
     probability = float(norm.cdf(d - z) + norm.cdf(-d - z))
     converged = min(ways, key=lambda way: way.refitted).converged
-    verdict = f"tells {models[0]} from {models[1]} with a probability of {100.0 * probability:.3g} %"
-    doubt = ", at most: the refit was not at its end" if steps else " by the linear projection"
+    verdict = f"distinguishes {models[0]} from {models[1]} with a probability of {100.0 * probability:.3g} %"
+    doubt = ", an upper bound: the refit has not converged" if steps else " by the linear projection"
     return Discriminator(
         name,
         float(d),

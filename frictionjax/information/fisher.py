@@ -1,14 +1,14 @@
-"""`fisher_information`: what planned experiments will tell of each parameter, before any of them is made.
+"""`fisher_information`: the information of planned experiments about each parameter, before any of them is made.
 
 For positions measured with white noise of standard deviation s, and a free run from a known start,
 
     I = sum over experiments of S' S / s^2,    S = d x(t_k) / d q,    var(q_i) >= (I^-1)_ii        (Cramer-Rao)
 
-with q the logarithms of positive parameters, and strengths of effects in their own units. S is made in forward mode.
+with q the logarithms of positive parameters, and strengths of effects in their own units. S comes from forward mode.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,12 +18,13 @@ from jaxtyping import Array, Bool, Float
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real
-from frictionjax.estimation.parameters import Free
+from frictionjax.estimation.parameters import Free, part_of
 from frictionjax.information.planned import (
+    Inputs,
     Numbers,
     Plan,
+    Start,
     layout_of,
-    part_of,
     plan_of,
     scale_of,
     values_of,
@@ -31,18 +32,18 @@ from frictionjax.information.planned import (
 from frictionjax.physics import Drive
 from frictionjax.simulation import simulate
 
-# Directions this much weaker than their parameters alone are lost in the rounding of the matrix: their variance
-# stands for infinity.
+# Directions this much weaker than their parameters alone are rounding errors of the matrix: their variance is set to
+# a number that stands for infinity.
 _ROUNDING, _UNBOUNDED, _LEAK = 1e-13, 1e20, 1e-6
 PRIOR = 3.0
 """Standard deviation of the weak prior, in units of a large step of each coordinate, as that of `fit`."""
-_NOTHING = 1e-15  # sensitivity, over the noise, of a parameter of which nothing is to be seen
+_NOTHING = 1e-15  # sensitivity, over the noise, of a parameter without any effect on the positions
 
 
 def scaled_to_ones(
     matrix: Float[np.ndarray, "p p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Square roots of the diagonal of `matrix`, shape `(p,)` (1 where there is next to nothing), and it over them."""
+    """Square roots of the diagonal of `matrix`, shape `(p,)` (1 where about zero), and the matrix scaled by them."""
     size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     size = np.where(size > _NOTHING, size, 1.0)
     return size, matrix / size[:, None] / size[None, :]
@@ -56,17 +57,17 @@ def inverse_information(matrix: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "
     size, scaled = scaled_to_ones(matrix)
     values, vectors = np.linalg.eigh(scaled)
     lost = values < _ROUNDING * len(size)
-    # A parameter apart from a lost direction has a part in it by rounding only.
+    # Small components of a lost direction are rounding errors.
     vectors = np.where(lost[None, :] & (np.abs(vectors) < _LEAK), 0.0, vectors)
     spread = np.where(lost, _UNBOUNDED, 1.0 / np.where(lost, 1.0, values))
     return (vectors * spread) @ vectors.T / np.outer(size, size)
 
 
 def bounded(matrix: Float[np.ndarray, "p p"]) -> tuple[Float[np.ndarray, "p p"], Bool[np.ndarray, " p"]]:
-    """The information `matrix`, with a weak prior on what is not held even when all others are known; and which it is.
+    """The information `matrix`, with a weak prior on parameters that are unidentifiable alone; and which those are.
 
-    A parameter of which next to nothing is to be seen would otherwise go through e^1000000 of its value, and take
-    others along that are held.
+    Alone means with all others known. Without the prior, such a parameter would change by e^1000000 of its value, and
+    make identifiable parameters seem unidentifiable.
     """
     alone = np.diag(matrix) < 1.0
     return matrix + np.diag(np.where(alone, PRIOR**-2, 0.0)), alone
@@ -79,7 +80,7 @@ class Information(eqx.Module):
 
     - `names`: the `p` free parameters.
     - `units`: of each, in terms of `{force}`, `{position}`, `{input}` and `s`.
-    - `logs`: whether a parameter is seen as its logarithm (positive ones), else in its own unit (strengths of effects).
+    - `logs`: whether the coordinate is the logarithm (positive parameters), else the parameter itself (strengths).
     - `values`: of the parameters, in their units, shape `(p,)`.
     - `scale`: what counts as a large step of each coordinate, shape `(p,)`: 1 for a logarithm, the typical size of a
       strength in its own unit.
@@ -107,9 +108,10 @@ class Information(eqx.Module):
     def std(self) -> dict[str, float]:
         """Name -> least standard deviation of any unbiased estimate (Cramer-Rao).
 
-        Relative where positive, in its own unit for a strength; `inf` where the data do not hold the parameter: where
-        it would exceed the value, or the typical size of a strength. Linear theory has no digits to offer there.
-        What is not held even when all others are known has a prior of 3 of these, as in `fit`, in the others' bounds.
+        Relative where positive, in its own unit for a strength; `inf` where the data do not determine the parameter:
+        where it would exceed the value, or the typical size of a strength, and linear theory is not valid.
+        A parameter that is unidentifiable even with all others known has a prior of 3 of these, as in `fit`, in the
+        others' bounds.
         """
         matrix, alone = bounded(self.scaled)
         spread = np.sqrt(np.diag(inverse_information(matrix)))
@@ -132,7 +134,7 @@ class Information(eqx.Module):
 
 def fisher_information(
     drive: Drive,
-    inputs: Float[Array, " n"] | Sequence[Float[Array, " n"]],
+    inputs: Inputs,
     sample_rate: Numbers,
     noise: Numbers,
     *,
@@ -153,11 +155,11 @@ def fisher_information(
     - `inputs`: one planned input of shape `(n,)`, or several of any lengths, input units.
     - `sample_rate`: samples per second; one number, or one for each experiment.
     - `noise`: standard deviation of the white noise of the measured position, position units; likewise.
-    - `free`: names of the parameters that are to be found; None: J, the six of LuGre and the strengths of all effects.
+    - `free`: names of the free parameters; None: J, the six of LuGre and the strengths of all effects.
         `"motor_constant"` and the nuisances of effects may be named too. All others are taken as known.
     - `x0`, `v0`: known position and velocity at each start, position units and position/s.
-    - `z0`: known bristle deflection at each start, position units; None: at rest none, else that of steady sliding
-        at `v0`, whatever the parameters make of it.
+    - `z0`: known bristle deflection at each start, position units; None: zero at rest, else that of steady sliding
+        at `v0`, which depends on the parameters.
     - `substeps`: steps per sample, see `simulate`.
 
     **Returns:**
@@ -167,7 +169,7 @@ def fisher_information(
     **Raises:**
 
     `PrecisionError` unless JAX computes in float64; `InputError` when there is no input, one is not a finite array of
-    shape `(n,)`, a rate or a noise is not positive, numbers and experiments are not as many, a name is unknown, a
+    shape `(n,)`, a rate or a noise is not positive, numbers and experiments differ in count, a name is unknown, a
     positive parameter is not positive, the run overflows, or no parameter changes any position.
     """
     require_x64()
@@ -178,8 +180,8 @@ def fisher_information(
 
 
 class PlannedRecord(NamedTuple):
-    """What one record of a plan tells: its information `matrix`, shape `(p, p)`; `root`, with `root' root` that matrix,
-    to twice the digits; the `stroke`, and the largest |x| and |v| of the run (`peak_x`, `peak_v`)."""
+    """The information of one record of a plan: the `matrix`, shape `(p, p)`; `root`, with `root' root` that matrix,
+    with twice the digits; the `stroke`, and the largest |x| and |v| of the run (`peak_x`, `peak_v`)."""
 
     matrix: Float[np.ndarray, "p p"]
     root: Float[np.ndarray, "p p"]
@@ -211,9 +213,9 @@ def assembled(
     parts = [one.finite(label).matrix for one, label in zip(records, plan.labels, strict=True)]
     if not np.any(parts):
         raise InputError(
-            "no parameter changes any position: nothing moves in these experiments",
+            "no parameter changes any position: the machine does not move in these experiments",
             place="`inputs`",
-            cure="Give an input that is not zero, or a `v0`, and name parameters that act, in `free`.",
+            cure="Give an input that is not zero, or a `v0`, and name parameters with an effect in `free`.",
         )
     return Information(
         names=tuple(one.label for one in layout),
@@ -229,8 +231,8 @@ def sensitivities(
     layout: tuple[Free, ...],
     drive: Drive,
     u: Float[Array, " n"],
-    dt: float,
-    start: tuple[Float[Array, ""], ...],
+    dt: Float[Array, ""],
+    start: Start,
     substeps: int,
     q: Float[Array, " p"] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, "p n"]]:
@@ -249,27 +251,38 @@ def sensitivities(
     centre = jnp.stack([real(part_of(drive, one.path)) for one in layout])
     q = jnp.zeros(len(layout)) if q is None else q
 
-    def run(q):
+    def run(q: Float[Array, " p"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
         moved = jnp.where(logs, centre * jnp.exp(jnp.where(logs, q, 0.0)), centre + q)
         machine = eqx.tree_at(lambda d: [part_of(d, one.path) for one in layout], drive, list(moved))
         x0, v0, *known = start
         z0 = known[0] if known else jnp.sign(v0) * machine.level(x0, v0) / machine.friction.sigma0
-        found = simulate(machine, u, 1.0 / dt, x0=x0, v0=v0, z0=z0, substeps=substeps)
+        rate: Any = 1.0 / dt  # traced, where `simulate` says a float
+        found = simulate(machine, u, rate, x0=x0, v0=v0, z0=z0, substeps=substeps)
         return found.measured, found.v
 
-    def along(tangent):
+    def along(
+        tangent: Float[Array, " p"],
+    ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
         x, change, v = jax.jvp(run, (q,), (tangent,), has_aux=True)
         return x, v, change
 
-    # Forward mode, all columns side by side: `linearize` would store every coefficient of the run.
+    # Forward mode, all columns in one batch: `linearize` would store every coefficient of the run.
     return jax.vmap(along, out_axes=(None, None, 0))(jnp.eye(len(layout)))
 
 
 @eqx.filter_jit
-def _information(layout, drive, u, dt, noise, start, substeps):
+def _information(
+    layout: tuple[Free, ...],
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    noise: Float[Array, ""],
+    start: Start,
+    substeps: int,
+) -> tuple[Float[Array, "p p"], Float[Array, "p p"], Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
     x, v, columns = sensitivities(layout, drive, u, dt, start, substeps)
     columns = columns / noise
-    # The triangle of a QR keeps what squaring rounds away, and needs as many rows as columns.
+    # The triangle of a QR keeps digits that squaring loses; QR needs at least as many rows as columns.
     rows = jnp.concatenate([columns.T, jnp.zeros((len(layout), len(layout)))])
     root = jnp.linalg.qr(rows, mode="r")
     stroke = jnp.max(x) - jnp.min(x)

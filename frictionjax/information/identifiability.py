@@ -1,8 +1,8 @@
-"""`identifiability`: what the data hold, and in words what they do not: which directions are null, and what mends it.
+"""`identifiability`: which parameters the data determine, which directions are null, and which data to add.
 
 A direction c of the logarithms (strengths: over their typical size), of largest component 1, is null when c'Ic < 1:
-its parameter may change by its own size before the noise is reached. Directions with a reason in the physics are
-looked for first, then single parameters, then the smallest groups that are held only together.
+its parameter may change by its own size before the noise is reached. Directions with a physical cause are
+searched first, then single parameters, then the smallest groups of which only a combination is identifiable.
 """
 
 from collections.abc import Sequence
@@ -11,27 +11,27 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Bool, Float, Real
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real
 from frictionjax.estimation import FitResult
-from frictionjax.estimation.parameters import Free, pack, weak_prior
+from frictionjax.estimation.parameters import Free, pack, part_of, weak_prior
 from frictionjax.information.fisher import Information, inverse_information, scaled_to_ones
 from frictionjax.information.null_directions import CURES, OTHER, NullSearch, words_of
-from frictionjax.information.planned import MOTOR, layout_of, part_of, scale_of, values_of
+from frictionjax.information.planned import MOTOR, layout_of, scale_of, values_of
 from frictionjax.physics import Drive
 
-_ERRORS = 2.0  # standard errors that stay below the value of what a fit has identified
+_ERRORS = 2.0  # standard errors that must be below the value for a parameter of a fit to be identifiable
 _PART = 1e-4  # of its largest component: smaller ones are rounding
 
 
 class NullDirection(eqx.Module):
-    """A change of the parameters that the data do not see.
+    """A change of the parameters with less effect on the data than the noise.
 
     **Attributes:**
 
-    - `weights`: name -> part in it, the largest 1: relative change of a positive parameter, change over its typical
+    - `weights`: name -> component, the largest 1: relative change of a positive parameter, change over its typical
         size of a strength.
     - `sentence`: which it is, and which data to add.
     """
@@ -41,37 +41,38 @@ class NullDirection(eqx.Module):
 
 
 class Identifiability(eqx.Module):
-    """What experiments hold and what they do not.
+    """Which parameters experiments determine and which they do not.
 
     **Attributes:**
 
-    - `held`: name -> least standard deviation (Cramer-Rao), relative where positive, else in the strength's own unit.
-    - `combinations`: the same, relative, for sums and ratios that are held where their members are not.
-    - `lost`: names of the parameters that are not held; no number is given for them.
+    - `identifiable`: name -> least standard deviation (Cramer-Rao), relative where positive, else in the unit of
+        the strength.
+    - `combinations`: the same, relative, for sums and ratios that are identifiable where their members are not.
+    - `unidentifiable`: names of the other parameters; no number is given for them.
     - `directions`: the null directions found, a `NullDirection` each.
     """
 
-    held: dict[str, float] = eqx.field(static=True)
+    identifiable: dict[str, float] = eqx.field(static=True)
     combinations: dict[str, float] = eqx.field(static=True)
-    lost: tuple[str, ...] = eqx.field(static=True)
+    unidentifiable: tuple[str, ...] = eqx.field(static=True)
     directions: tuple[NullDirection, ...] = eqx.field(static=True)
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is not held and why, one sentence for each cause; empty when every parameter is held."""
+        """What is not identifiable and why, one sentence for each cause; empty when every parameter is identifiable."""
         return tuple(dict.fromkeys(direction.sentence for direction in self.directions))
 
 
 def identifiability(given: Information | FitResult) -> Identifiability:
-    """Which parameters are held, and the null directions in words, each with the data to add.
+    """Which parameters are identifiable, and the null directions in words, each with the data to add.
 
-    A parameter is held when its Cramer-Rao bound is below its own value (for a strength: below its typical size).
+    A parameter is identifiable when its Cramer-Rao bound is below its own value (a strength: below its typical size).
 
-    Of a fit, `covariance` is judged, less what it owes to the weak prior of `fit`: what the data and the user's own
-    priors hold. Two standard errors must then be below the value, as for `identified`. A parameter at an end of its
-    range, or without a finite variance, is lost by itself; the others are judged as if it were known. The typical size
-    of a strength is that of the fit; for a fit that was read from a file, that of the drive where it tells, else the
-    strength's own value.
+    Of a fit, `covariance` is used, without the weak prior of `fit`: the information in the data and the user's own
+    priors. Two standard errors must then be below the value, as for `identified`. A parameter at a limit of its
+    range, or without a finite variance, is unidentifiable by itself; the others are judged as if it were known. The
+    typical size of a strength is that of the fit; for a fit that was read from a file, that of the drive where it has
+    one, else the strength's own value.
 
     **Arguments:**
 
@@ -97,14 +98,14 @@ def _of_information(information: Information) -> Identifiability:
     search.single_parameters()
     search.groups()
     search.rest()
-    held = {name: value for name, value in information.std.items() if np.isfinite(value)}
-    lost = tuple(name for name in names if name not in held)
+    identifiable = {name: value for name, value in information.std.items() if np.isfinite(value)}
+    unidentifiable = tuple(name for name in names if name not in identifiable)
     directions = tuple(
         NullDirection({n: float(w) for n, w in zip(names, c, strict=True) if abs(w) > _PART}, sentence)
         for c, sentence in zip(search.found, search.sentences, strict=True)
     )
     combinations = {name: float(np.sqrt(value)) for name, value in search.combinations.items() if value < 1.0}
-    return Identifiability(held, combinations, lost, directions)
+    return Identifiability(identifiable, combinations, unidentifiable, directions)
 
 
 def _of_fit(result: FitResult) -> Identifiability:
@@ -122,23 +123,28 @@ def _of_fit(result: FitResult) -> Identifiability:
         unit = np.where(information.logs, information.values, 1.0)
         errors = np.sqrt(np.diag(result.covariance)[places]) / unit
         own = dict(zip(information.names, errors.tolist(), strict=True))
-    # The weak prior of the search is narrower where errors count double: the numbers come without that, and none is
-    # below what the fit says.
-    held = {name: max(plain.held.get(name, value / _ERRORS), own[name]) for name, value in rest.held.items()}
+    # The weak prior of the search is narrower where errors count double, so the numbers come from the plain search,
+    # and none is below the fit's own.
+    identifiable = {
+        name: max(plain.identifiable.get(name, value / _ERRORS), own[name])
+        for name, value in rest.identifiable.items()
+    }
     combinations = {
         name: plain.combinations.get(name, value / _ERRORS) for name, value in rest.combinations.items()
     }
-    lost = tuple(name for name in result.names if name not in held)
-    return Identifiability(held, combinations, lost, (*rest.directions, *_ended(ended), *_endless(endless)))
+    unidentifiable = tuple(name for name in result.names if name not in identifiable)
+    return Identifiability(
+        identifiable, combinations, unidentifiable, (*rest.directions, *_ended(ended), *_endless(endless))
+    )
 
 
 def _ended(names: Sequence[str]) -> tuple[NullDirection, ...]:
-    """The parameters `names`, which ended at an end of their range, by their common cure."""
+    """The parameters `names`, which ended at a limit of their range, by their common cure."""
     found = []
     for cure in dict.fromkeys(CURES.get(name, OTHER) for name in names):
         some = [name for name in names if CURES.get(name, OTHER) == cure]
         sentence = (
-            f"{words_of(some)} ended at an end of the admissible range, which gives the value, not the data. "
+            f"{words_of(some)} ended at a limit of the admissible range, so the limit sets the value, not the data. "
             f"Widen the `bounds` if they are yours, or add {cure}."
         )
         found += [NullDirection({name: 1.0}, sentence) for name in some]
@@ -169,10 +175,10 @@ def _information_of_fit(result: FitResult, places: Sequence[int]) -> Information
     )
     _check(white)
     _check(honest)
-    # The prior counts in the inverse information; what model error and correlated errors add comes after it.
+    # The prior is part of the white covariance; the factor for model error and correlated errors is applied after it.
     more = np.sqrt(np.diag(honest) / np.diag(white))
     to_free = np.asarray(_slope(layout, drive, jnp.asarray(values), jnp.asarray(own), logs))
-    # That of a strength, a thousand times its size, is next to nothing.
+    # The prior of a strength, a thousand times its size, is negligible.
     prior = to_free * np.where(logs, np.asarray(weak_prior(layout, 0)), 0.0)[:, None]
     information = _without(inverse_information(white), prior.T @ prior) / np.outer(more, more)
     return Information(
@@ -191,7 +197,7 @@ def _sizes(result: FitResult, layout: Sequence[Free], places: Sequence[int]) -> 
         layout = [result.posterior.constraints.layout[i] for i in places]
         sizes = [1.0 if one.parameter.transform == "log" else float(one.scale) for one in layout]
         return np.asarray(sizes)
-    # Neither stroke nor sample time is in a file. A strength of next to nothing is lost by any size below its error.
+    # A file has neither stroke nor sample time. A strength of about zero is unidentifiable by any size below its error.
     layout, errors = tuple(layout), np.sqrt(np.diag(result.covariance)[list(places)])
     sizes = scale_of(layout, result.drive, np.inf, np.inf)
     own = np.maximum(np.abs(values_of(layout, result.drive)), 0.5 * errors)
@@ -199,11 +205,17 @@ def _sizes(result: FitResult, layout: Sequence[Free], places: Sequence[int]) -> 
 
 
 @eqx.filter_jit
-def _slope(layout: tuple[Free, ...], drive: Drive, values, own, logs):
+def _slope(
+    layout: tuple[Free, ...],
+    drive: Drive,
+    values: Float[Array, " p"],
+    own: Float[Array, " p"],
+    logs: Bool[Array | np.ndarray, " p"],
+) -> Float[Array, "p p"]:
     """Derivative of the free vector of a fit by the logarithms of positive parameters and by strengths over their
     size, shape `(p, p)`."""
 
-    def free(q):
+    def free(q: Float[Array, " p"]) -> Float[Array, " p"]:
         moved = jnp.where(logs, values * jnp.exp(jnp.where(logs, q, 0.0)), values + own * q)
         machine = eqx.tree_at(lambda d: [part_of(d, one.path) for one in layout], drive, list(moved))
         return pack(layout, machine)
@@ -212,7 +224,7 @@ def _slope(layout: tuple[Free, ...], drive: Drive, values, own, logs):
 
 
 def _without(matrix: Float[np.ndarray, "p p"], prior: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """The information `matrix` less that of a `prior`; rounding leaves no negative direction."""
+    """The information `matrix` less that of a `prior`; directions that rounding makes negative are set to zero."""
     size, scaled = scaled_to_ones(matrix)
     values, vectors = np.linalg.eigh(scaled - prior / np.outer(size, size))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(size, size)
@@ -220,12 +232,12 @@ def _without(matrix: Float[np.ndarray, "p p"], prior: Float[np.ndarray, "p p"]) 
 
 def information_of(
     names: Sequence[str],
-    values: Sequence[float],
-    covariance: Float[np.ndarray, "p p"],
+    values: Real[Array | np.ndarray, "..."] | Sequence[float | int],
+    covariance: Real[Array | np.ndarray, "..."],
     *,
-    scale: Sequence[float] | None = None,
+    scale: Real[Array | np.ndarray, "..."] | Sequence[float | int] | None = None,
 ) -> Information:
-    """Information that a covariance matrix in physical units stands for: for a report on what another program found.
+    """The information of a covariance matrix in physical units, such as that of another program's result.
 
     I = C^-1, in the logarithms of positive parameters.
 
@@ -244,7 +256,7 @@ def information_of(
     **Raises:**
 
     `InputError` when the lengths differ, a positive parameter is not, or the covariance is not finite or not a
-    positive definite matrix: a parameter at the end of its range has a variance of zero and must be left out.
+    positive definite matrix: a parameter at a limit of its range has a variance of zero and must be left out.
     """
     value, matrix = np.asarray(values, dtype=float), np.asarray(covariance, dtype=float)
     size = np.zeros(value.size) if scale is None else np.asarray(scale, dtype=float)
@@ -264,9 +276,7 @@ def information_of(
     _check(relative)
     if np.any(np.diag(relative) <= 0.0):
         bad = ", ".join(n for n, v in zip(names, np.diag(relative), strict=True) if not v > 0.0)
-        raise InputError(
-            f"no variance for {bad}", place="`covariance`", cure="Leave it out: nothing is known of it."
-        )
+        raise InputError(f"no variance for {bad}", place="`covariance`", cure="Leave it out.")
     units = tuple("{force}" if name in _FORCES else "" for name in names)
     unit = np.where(logs, 1.0, size)
     inverse = inverse_information(relative) / np.outer(unit, unit)
@@ -276,8 +286,8 @@ def information_of(
 _FORCES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", MOTOR.name)
 
 
-def _check(matrix: np.ndarray) -> None:
-    """A matrix of variances or of information has no negative direction."""
+def _check(matrix: Float[np.ndarray, "p p"]) -> None:
+    """Check that a matrix of variances or of information is finite, symmetric and without a negative direction."""
     cure = "Give the matrix of `fisher_information`, or the covariance of a fit that converged."
     if not np.all(np.isfinite(matrix)):
         raise InputError("the matrix is not finite", place="`information`", cure=cure)

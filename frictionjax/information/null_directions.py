@@ -1,15 +1,16 @@
 """The search for null directions of an information matrix, and the sentence on each.
 
 A direction c of the logarithms (strengths: over their typical size), of largest component 1, is null when c'Ic < 1:
-its parameter may change by its own size before the noise is reached. Directions with a reason in the physics are
-looked for first, then single parameters, then the smallest groups that are held only together.
+its parameter may change by its own size before the noise is reached. Directions with a physical cause are
+searched first, then single parameters, then the smallest groups of which only a combination is identifiable.
 """
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Sized
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from frictionjax.information.fisher import Information, bounded, inverse_information
 from frictionjax.information.planned import MOTOR
@@ -23,31 +24,33 @@ CURES |= {"Fc": _SLOW, "Fs": _SLOW, "vs": _SLOW, MOTOR.name: "a known load or a 
 """Label of a parameter -> what to add to the data for it; `OTHER` for those not listed."""
 _REASONS = {
     _SLOW: "the motion does not go through break-away",
-    _SMALL: "presliding does not show",
-    _SLIDING: "nothing slides for long",
-    _FAST: "inertia forces do not show",
+    _SMALL: "the presliding motion is below the noise",
+    _SLIDING: "there is too little sliding",
+    _FAST: "inertia forces are below the noise",
 }
 OTHER = "an experiment that excites it above the noise"
-_BALANCE = 0.1  # of sigma1 against sigma2: what their sum may change by when it is the sum that is held
+_BALANCE = (
+    0.1  # of sigma1 against sigma2: the most that their sum may change when only the sum is identifiable
+)
 _PART = 0.05  # of its largest component: smaller ones are left out of the words on a direction
 _ROUNDING = 1e-13  # of a quadratic form, over the sum of its terms' sizes
-_LARGEST = 3  # parameters in a group that is looked for; larger ones come from the inverse
+_LARGEST = 3  # parameters in a group that is searched for; larger ones come from the inverse
 
 
 class NullSearch:
-    """The null directions of `information` found so far, and what is left when they are taken as known.
+    """The null directions of `information` found so far, and what remains when they are taken as known.
 
     `found` and `sentences` are the directions, shape `(p,)` each, and the words on them; `combinations` has the
-    relative variance of each sum and ratio that is held instead.
+    relative variance of each sum and ratio that is identifiable instead.
     """
 
-    def __init__(self, information: Information):
+    def __init__(self, information: Information) -> None:
         self.given, self.matrix = information, information.scaled
         self.names, self.found, self.fixed, self.sentences = information.names, [], [], []
         self.weak, self.alone = bounded(self.matrix)
         self.combinations: dict[str, float] = {}
 
-    def covariance(self) -> np.ndarray:
+    def covariance(self) -> Float[np.ndarray, "p p"]:
         """Least covariance, with the weak prior, once no parameter moves along a direction that was found."""
         count = len(self.names)
         if not self.fixed:
@@ -58,21 +61,23 @@ class NullSearch:
             return np.zeros((count, count))
         return basis @ inverse_information(basis.T @ self.weak @ basis) @ basis.T
 
-    def left(self) -> np.ndarray:
+    def left(self) -> Int[np.ndarray, " left"]:
         """Places of the parameters that no direction found so far explains."""
         within = sum((row**2 for row in self.fixed), np.zeros(len(self.names)))
         return np.flatnonzero((np.diag(self.covariance()) >= 1.0) | (self.alone & (within < 0.5)))
 
-    def take(self, direction: np.ndarray, sentence: str, fixed: np.ndarray | None = None) -> None:
+    def take(
+        self, direction: Float[np.ndarray, " p"], sentence: str, fixed: Float[np.ndarray, " p"] | None = None
+    ) -> None:
         """Keep a `direction` and the `sentence` on it; from then on its own coordinate is `fixed`, or another."""
         self.fixed.append(direction / np.linalg.norm(direction) if fixed is None else fixed)
         self.found.append(direction / direction[np.argmax(np.abs(direction))])
         self.sentences.append(sentence)
 
-    def is_null(self, direction: np.ndarray) -> bool:
-        """Whether the data do not see a change by 1 of the largest component of `direction`."""
+    def is_null(self, direction: Float[np.ndarray, " p"]) -> bool:
+        """Whether a change by 1 of the largest component of `direction` has less effect than the noise."""
         c = direction / np.max(np.abs(direction))
-        # Terms of 1e15 cancel along an exact invariance: what they leave is their rounding.
+        # Terms of 1e15 cancel along an exact invariance: the remainder is rounding.
         lost = _ROUNDING * float(np.abs(c) @ np.abs(self.matrix) @ np.abs(c))
         return bool(c @ self.matrix @ c < 1.0 + lost)
 
@@ -89,11 +94,11 @@ class NullSearch:
             and self.matrix[place, place] >= 1.0
         ):
             others = [n for n, part in zip(names, scale, strict=True) if part and n != MOTOR.name]
-            told = f"{words_of(others)} and the motor constant are held only as ratios"
+            sentence = f"{words_of(others)} and the motor constant are identifiable only as ratios"
             cure = "Add a known load or a known mass, or give the motor constant."
             unit = np.eye(len(names))
             # A constant that is known fixes the size of all forces, however badly some of them are known.
-            self.take(scale, f"{told}: all forces may be larger by one factor. {cure}", unit[place])
+            self.take(scale, f"{sentence}: all forces may be larger by one factor. {cure}", unit[place])
             covariance = self.covariance()
             for other in others:
                 if self.given.logs[names.index(other)]:
@@ -103,28 +108,28 @@ class NullSearch:
             self._sum_of_dampings()
 
     def _sum_of_dampings(self) -> None:
-        """sigma1 and sigma2 as a sum: one is lost, the other makes up for it, and their sum is held."""
+        """sigma1 and sigma2 as a sum: an error of one is compensated by the other, and their sum is identifiable."""
         covariance, places = self.covariance(), [self.names.index("sigma1"), self.names.index("sigma2")]
         own = self.given.values[places]
         direction = covariance[:, places[int(np.argmax(np.diag(covariance)[places]))]]
         changes = own * direction[places]
         total, null = np.zeros(len(self.names)), np.zeros(len(self.names))
         total[places], null[places] = own / np.sum(own), np.array([-1.0, 1.0]) / own
-        held = total @ covariance @ total < 1.0
+        summed = total @ covariance @ total < 1.0
         if (
-            held
+            summed
             and set(places) & set(self.left())
             and abs(np.sum(changes)) < _BALANCE * np.max(np.abs(changes))
         ):
             self.combinations["sigma1 + sigma2"] = float(total @ covariance @ total)
             self.take(
                 null,
-                "sigma1 and sigma2 are held only as a sum: without sliding, friction opposes velocity by "
+                "sigma1 and sigma2 are identifiable only as a sum: without sliding, friction opposes velocity by "
                 f"sigma1 + sigma2. Add {_SLIDING}.",
             )
 
     def single_parameters(self) -> None:
-        """Parameters that would not be held were all others known, by their common cure."""
+        """Parameters that are unidentifiable even with all others known, by their common cure."""
         alone = [i for i in self.left() if self.alone[i]]
         for cure in dict.fromkeys(CURES.get(self.names[i], OTHER) for i in alone):
             some = [i for i in alone if CURES.get(self.names[i], OTHER) == cure]
@@ -132,14 +137,15 @@ class NullSearch:
             why = _REASONS.get(cure, "the positions do not change with it")
             for i in some:
                 self.take(
-                    np.eye(len(self.names))[i], f"{which} {_are(some)} not held at all: {why}. Add {cure}."
+                    np.eye(len(self.names))[i],
+                    f"{which} {_are(some)} not identifiable at all: {why}. Add {cure}.",
                 )
 
     def groups(self) -> None:
-        """The smallest groups whose members are held only together; what is left then, from the inverse."""
+        """The smallest groups of which only a combination is identifiable; the remaining ones come from the inverse."""
         for places in self._candidates():
             inverse = inverse_information(self.weak[np.ix_(places, places)])
-            # One that a direction found before has explained is no reason for another.
+            # Parameters that an earlier direction explains do not count.
             open_ones = np.isin(places, self.left())
             worst = int(np.argmax(np.where(open_ones, np.diag(inverse), 0.0)))
             if inverse[worst, worst] >= 1.0:
@@ -160,34 +166,38 @@ class NullSearch:
                 if set(places) & set(self.left()) and not any(one <= set(places) for one in inside):
                     yield places
 
-    def _together(self, direction: np.ndarray) -> str:
+    def _together(self, direction: Float[np.ndarray, " p"]) -> str:
         direction = direction / direction[np.argmax(np.abs(direction))]
         parts = [(n, w) for n, w in zip(self.names, direction, strict=True) if abs(w) > _PART]
         cures = dict.fromkeys(CURES.get(name, OTHER) for name, _ in parts)
         which = words_of([name for name, _ in parts])
         if len(parts) == 1:
-            return f"{which} is not held: other parameters make up for it. Add {', and '.join(cures)}."
+            return f"{which} is not identifiable: other parameters compensate for it. Add {', and '.join(cures)}."
         ups = [name for name, weight in parts if weight > 0.0]
         downs = [name for name, weight in parts if weight < 0.0]
         change = f"{words_of(ups)} up" + (f" with {words_of(downs)} down" if downs else " together")
-        return f"{which} are held only together: {change} changes less than the noise. Add {', and '.join(cures)}."
+        effect = f"{change} has less effect than the noise"
+        return f"{which} are identifiable only together: {effect}. Add {', and '.join(cures)}."
 
     def rest(self) -> None:
-        """Parameters that are lost only because others are, where no sentence has told of them."""
+        """Parameters that are unidentifiable only because others are, where no sentence names them."""
         covariance = inverse_information(self.weak)
         for i in np.flatnonzero((np.diag(covariance) >= 1.0) | self.alone):
             name = self.names[i]
-            if not any(re.search(rf"(?<!\w){re.escape(name)}(?!\w)", one) for one in self._told()):
+            if not any(re.search(rf"(?<!\w){re.escape(name)}(?!\w)", one) for one in self._named_sentences()):
                 cure = CURES.get(name, OTHER)
-                self.take(covariance[:, i], f"{name} is not held while others are unknown. Add {cure}.")
+                self.take(
+                    covariance[:, i], f"{name} is not identifiable while others are unknown. Add {cure}."
+                )
 
-    def _told(self) -> list[str]:
+    def _named_sentences(self) -> list[str]:
         return [one.replace("the motor constant", MOTOR.name) for one in self.sentences]
 
 
-def _are(some: Sequence) -> str:
+def _are(some: Sized) -> str:
     return "are" if len(some) > 1 else "is"
 
 
 def words_of(names: Sequence[str]) -> str:
+    """`names` as words: "a", "a and b", "a, b and c"."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,36 +1,38 @@
-"""A plan of experiments as it is given, checked: its inputs, its numbers, and the parameters that are to be found."""
+"""A plan of experiments, checked: its inputs, its numbers, and its free parameters."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import InputError, Parameter
 from frictionjax.core.safe import real
-from frictionjax.estimation.parameters import Free, base_layout, effect_layout
+from frictionjax.estimation.parameters import Free, base_layout, effect_layout, part_of
+from frictionjax.estimation.scales import friction_scales
 from frictionjax.physics import Drive
 
-Numbers = float | Sequence[float]
+Numbers = Real[ArrayLike, "..."] | Sequence[Real[ArrayLike, ""]]
 """One number for all experiments, or one for each."""
 
+Signal = Real[Array | np.ndarray, "..."]
+"""One input, checked to have the shape `(n,)`."""
+
+Inputs = Signal | Sequence[Signal]
+"""One planned input of shape `(n,)`, or several, each of its own length."""
+
+Start = tuple[Float[Array, ""], ...]
+"""Where a run starts: x0, v0 and, if known, z0."""
+
 MOTOR = Parameter("motor_constant", "{force}/{input}", "motor constant", "log")
-
-
-def part_of(tree, path: str):
-    """What stands at `path` (names and places, with points between) in `tree`."""
-    for name in path.split("."):
-        tree = tree[int(name)] if name.isdigit() else getattr(tree, name)
-    return tree
 
 
 def scale_of(layout: tuple[Free, ...], drive: Drive, stroke: float, dt: float) -> Float[np.ndarray, " p"]:
     """Typical size of each coordinate of `layout`, shape `(p,)`: 1 for a logarithm; that of a strength on `drive`, over
     the largest `stroke` (position units) and the shortest `dt` (s) of the plan."""
-    Fc, sigma0 = float(drive.friction.Fc), float(drive.friction.sigma0)
-    sizes = {"Fc": Fc, "sigma0": sigma0, "zs": float(drive.friction.Fs) / sigma0, "stroke": stroke, "dt": dt}
-    sizes["Fc/stroke"] = Fc / stroke if stroke > 0.0 else 1.0
+    sizes = friction_scales(drive, stroke, dt)
+    sizes["Fc/stroke"] = sizes["Fc"] / stroke if stroke > 0.0 else 1.0
     found = []
     for one in layout:
         scale = 1.0 if one.parameter.transform == "log" else one.parameter.scale
@@ -39,8 +41,8 @@ def scale_of(layout: tuple[Free, ...], drive: Drive, stroke: float, dt: float) -
 
 
 def layout_of(drive: Drive, free: Sequence[str] | None) -> tuple[Free, ...]:
-    """The parameters of `drive` named by `free` (None: J, friction, strengths), without numbers of the case: those
-    would be compiled in."""
+    """The parameters of `drive` named by `free` (None: J, friction, strengths), without numbers of the
+    case, which would be compiled in."""
     known = _all_of(drive)
     if free is None:
         own = {f"effects.{i}.{p.name}" for i, effect in enumerate(drive.effects) for p in effect.strengths}
@@ -77,27 +79,27 @@ def values_of(layout: tuple[Free, ...], drive: Drive) -> Float[np.ndarray, " p"]
             raise InputError(
                 f"{one.label} = {value} is not a {'positive ' if positive else ''}finite number",
                 place="`drive`",
-                cure="Mend it, or leave it out of `free`; many drives at once go through a loop.",
+                cure="Correct it, or leave it out of `free`; loop over drives with array parameters.",
             )
     return np.asarray(arrays, dtype=float)
 
 
 class Plan(eqx.Module):
-    """Records that are to be made, checked; lists have one entry for each.
+    """Planned records, checked; lists have one entry for each.
 
-    **Attributes:** `labels` (what errors call them), `inputs` (shape `(n,)`, input units), `rates` (samples per
+    **Attributes:** `labels` (their names in errors), `inputs` (shape `(n,)`, input units), `rates` (samples per
     second), `noises` (position units), `starts` (x0, v0 and, if known, z0, as arrays), `substeps` (steps per sample).
     """
 
     labels: list[str]
-    inputs: list[Float[np.ndarray, " n"]]
+    inputs: list[Float[np.ndarray, " _"]]
     rates: list[float]
     noises: list[float]
-    starts: list[tuple[Float[Array, ""], ...]]
+    starts: list[Start]
     substeps: int
 
     def of(self, places: Sequence[int]) -> "Plan":
-        """The records at these `places` only."""
+        """The records at these indices, `places`, only."""
         return Plan(
             labels=[self.labels[i] for i in places],
             inputs=[self.inputs[i] for i in places],
@@ -109,7 +111,7 @@ class Plan(eqx.Module):
 
 
 def plan_of(
-    inputs,
+    inputs: Inputs,
     sample_rate: Numbers,
     noise: Numbers,
     *,
@@ -138,9 +140,9 @@ def plan_of(
     )
 
 
-def inputs_of(inputs, labels: Sequence[str] | None = None) -> list[Float[np.ndarray, " n"]]:
+def inputs_of(inputs: Inputs, labels: Sequence[str] | None = None) -> list[Float[np.ndarray, " _"]]:
     """One or several `inputs`, called `labels` in errors, as a list of finite arrays of shape `(n,)`, input units."""
-    single = hasattr(inputs, "ndim") and inputs.ndim == 1
+    single = getattr(inputs, "ndim", 0) == 1
     plans = [np.asarray(u, dtype=float) for u in ([inputs] if single else inputs)]
     if not plans:
         raise InputError("no experiment is planned", place="`inputs`", cure="Give at least one input.")

@@ -1,7 +1,7 @@
-"""`rank_experiments`: which of some candidate experiments tells most, beyond what is known already.
+"""`rank_experiments`: which of several candidate experiments adds most information to what is known.
 
-The gain of an experiment is what the information criterion rises by when it is made. Experiments add their
-information, so that the best next one, and the best sequence, need no more simulations.
+The gain of an experiment is the increase of the information criterion. Information is additive over experiments, so
+the best next one, and the best sequence, need no more simulations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,13 +12,19 @@ from jaxtyping import Float
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, silent
-from frictionjax.information.candidates import Candidate, Rejected, broken_limits, candidates_of, limits_of
+from frictionjax.information.candidate_experiments import (
+    Candidate,
+    Rejected,
+    broken_limits,
+    candidates_of,
+    limits_of,
+)
 from frictionjax.information.criteria import (
     Criterion,
     Kind,
     Question,
     bounds_in_words,
-    held_rows,
+    known_rows,
     question_of,
 )
 from frictionjax.information.fisher import Information, assembled, planned_records
@@ -27,14 +33,14 @@ from frictionjax.physics import Drive
 
 
 class RankedExperiment(eqx.Module):
-    """A candidate experiment and what it adds.
+    """A candidate experiment and the information it adds.
 
     **Attributes:**
 
     - `name`: of the candidate.
-    - `gain`: what the criterion rises by: nats, or for A the decrease of the mean variance (in units of the squared
+    - `gain`: increase of the criterion: nats, or for A the decrease of the mean variance (in units of the squared
         value; of the squared typical size for a strength).
-    - `std`: name -> least standard deviation once it is made, as in `Information.std`; `inf` where not held.
+    - `std`: name -> least standard deviation once it is made, as in `Information.std`; `inf` where not identifiable.
     - `sentence`: the same in words.
     """
 
@@ -75,20 +81,22 @@ class Ranking(eqx.Module):
         """The best sequence of `n` experiments, found greedily: each is the one that adds most to all before it.
 
         An experiment may come again. For D no sequence of `n` gains more than 1.6 times as much (Nemhauser, Wolsey and
-        Fisher 1978: the logarithm of the determinant is submodular). `gain` is that of the step, `std` what holds after
+        Fisher 1978: the logarithm of the determinant is submodular). `gain` is that of the step, `std` the bound after
         it. `InputError` when `n` is below 1.
         """
         if n < 1:
             raise InputError(f"it is {n}", place="`n`", cure="Plan at least one experiment.")
         info, question = self.information, Question(self.criterion, self.of)
         judge, steps = question.criterion(info.names, info.scale), []
-        held, rows = self.known, held_rows(self.known, info.names, info.values)
+        information, rows = self.known, known_rows(self.known, info.names, info.values)
         for step in range(1, n + 1):
             gains = _gains(judge, rows, self.roots)
             best = int(np.argmax(gains))
             rows = np.asarray(np.linalg.qr(np.concatenate([rows, self.roots[best]]), mode="r"))
-            held = _with(held, info.of(best))
-            steps.append(_entry(self.entries[best].name, gains[best], held, question, f"Step {step}: "))
+            information = _with(information, info.of(best))
+            steps.append(
+                _entry(self.entries[best].name, gains[best], information, question, f"Step {step}: ")
+            )
         return tuple(steps)
 
 
@@ -109,7 +117,7 @@ def rank_experiments(
     substeps: int = 2,
     progress: Progress = silent,
 ) -> Ranking:
-    """Rank candidate experiments on `drive` by what they would add to what is known.
+    """Rank candidate experiments on `drive` by the information they would add to what is known.
 
     With I the information of what is known, I_c that of a candidate (`fisher_information`) and P = 1/9 of the unit
     matrix (a weak prior of three times the size of each parameter, so that a singular information has a value):
@@ -118,9 +126,10 @@ def rank_experiments(
       all free parameters (Chaloner and Verdinelli, Statistical Science 10, 1995);
     - `"parameter"`: the same about the parameters `of` only, with all others unknown: log of the factor by which the
       volume of their confidence region shrinks (for one parameter: its standard deviation);
-    - `"A"`: decrease of the mean variance of the parameters `of`, relative where positive. It looks at the worst known.
+    - `"A"`: decrease of the mean variance of the parameters `of`, relative where positive. The
+      parameters known worst dominate it.
 
-    All of it is linear theory at the values of `drive`: where that guess is far off, rank again once a fit is there.
+    All of it is linear theory at the values of `drive`: where that guess is far off, rank again after a fit.
     Candidates of the same length share one compiled program; other numbers compile nothing anew.
 
     **Arguments:**
@@ -131,8 +140,8 @@ def rank_experiments(
     - `sample_rate`: samples per second; one number, or one for each record, counted through all candidates.
     - `noise`: standard deviation of the white noise of the measured position, position units; likewise.
     - `criterion`: `"D"`, `"parameter"` or `"A"`.
-    - `of`: name or names of the parameters one wants to know, for `"parameter"` and `"A"` (None: all).
-    - `known`: `Information` of the recordings that are there, about the same parameters; None: nothing is known.
+    - `of`: name or names of the parameters of interest, for `"parameter"` and `"A"` (None: all).
+    - `known`: `Information` of the existing recordings, about the same parameters; None: nothing is known.
     - `free`: names of the unknown parameters, as in `fisher_information`; None: those of `known`, or its default.
     - `limits`: largest magnitudes that the machine allows, of `"x"` (position units), `"v"` (position/s), `"u"` (input
         units); a candidate that exceeds one is rejected with the reason.
@@ -157,7 +166,7 @@ def rank_experiments(
     plan = plan_of(choice.inputs, sample_rate, noise, labels=choice.labels, **start)
     layout = layout_of(drive, known.names if free is None and known is not None else free)
     names = tuple(one.label for one in layout)
-    held = held_rows(known, names, values_of(layout, drive))
+    before = known_rows(known, names, values_of(layout, drive))
     question = question_of(criterion, of, names)
     records = []
     for index, record in enumerate(planned_records(layout, drive, plan)):
@@ -180,14 +189,14 @@ def rank_experiments(
         )
     places = [i for _, group in kept for i in group]
     found = assembled(layout, drive, plan.of(places), [records[i] for i in places])
-    parts = np.stack([sum((records[i].matrix for i in group), np.zeros_like(held)) for _, group in kept])
+    parts = np.stack([sum((records[i].matrix for i in group), np.zeros_like(before)) for _, group in kept])
     roots = np.stack(
         [np.linalg.qr(np.concatenate([records[i].root for i in group]), mode="r") for _, group in kept]
     )
     found = eqx.tree_at(lambda i: i.parts, found, parts)
-    if known is not None:  # one size of a strength for both: that of the recordings that are there
+    if known is not None:  # one size of a strength for both: that of the existing recordings
         found = eqx.tree_at(lambda i: i.scale, found, known.scale)
-    gains = _gains(question.criterion(names, found.scale), held, roots)
+    gains = _gains(question.criterion(names, found.scale), before, roots)
     order = [int(i) for i in np.argsort(-gains, kind="stable")]
     entries = tuple(_entry(kept[i][0], gains[i], _with(known, found.of(i)), question) for i in order)
     return Ranking(
@@ -199,15 +208,18 @@ def _with(known: Information | None, more: Information) -> Information:
     return more if known is None else known + more
 
 
-def _gains(judge: Criterion, rows: np.ndarray, roots: np.ndarray) -> np.ndarray:
-    """What each of `roots`, shape `(k, p, p)`, adds to `rows`, shape `(p, p)`."""
+def _gains(
+    judge: Criterion, rows: Float[np.ndarray, "p p"], roots: Float[np.ndarray, "k p p"]
+) -> Float[np.ndarray, " k"]:
+    """The gain of each of `roots`, shape `(k, p, p)`, over `rows`, shape `(p, p)`."""
     before = float(judge(rows))
     gains = [float(judge(np.concatenate([rows, root]))) - before for root in roots]
-    return np.maximum(gains, 0.0)  # no experiment takes information away, save by rounding
+    return np.maximum(gains, 0.0)  # negative gains are rounding errors
 
 
-def _entry(name: str, gain, held: Information, question: Question, before: str = "") -> RankedExperiment:
-    told = (
-        f"{before}{name} {question.in_words(float(gain), held.names)}; {bounds_in_words(held, question.of)}."
-    )
-    return RankedExperiment(name, float(gain), held.std, told)
+def _entry(
+    name: str, gain: float, information: Information, question: Question, before: str = ""
+) -> RankedExperiment:
+    gained = question.in_words(float(gain), information.names)
+    sentence = f"{before}{name} {gained}; {bounds_in_words(information, question.of)}."
+    return RankedExperiment(name, float(gain), information.std, sentence)

@@ -1,23 +1,23 @@
-"""A rival model fitted to the noise-free positions of the true one: how far apart they stay."""
+"""A rival model fitted to the noise-free positions of the true one, and the distance that remains."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from frictionjax.core import InputError
 from frictionjax.core.safe import real
 from frictionjax.estimation.parameters import Free
 from frictionjax.information.fisher import PRIOR, sensitivities
-from frictionjax.information.planned import Plan, scale_of, values_of
+from frictionjax.information.planned import Plan, Start, scale_of, values_of
 from frictionjax.physics import Drive
 
-_STEADY = 0.02  # decrease of the squared distance, over itself, that a further step may promise when the refit is done
-# What is tried for a step, in turn: the whole of it and parts of it, which follow a narrow valley, then dampings (in
-# coordinates whose columns have unit length), which leave one that bends. A step that lowers the misfit by this part
-# of what it promises ends the search.
+_STEADY = 0.02  # converged when a further step is predicted to lower the squared distance by a smaller part
+# Steps that are tried in turn, as (damping, part): the Gauss-Newton step and parts of it, for a narrow straight
+# minimum, then dampings (in coordinates whose columns have unit length), for a curved one. A step that reaches
+# `_ENOUGH` of its predicted decrease ends the search.
 _TRIED = ((0.0, 1.0), (0.0, 0.3), (0.0, 0.1), (1e-9, 1.0), (1e-6, 1.0), (1e-3, 1.0), (0.1, 1.0), (0.0, 0.01))
 _ENOUGH = 0.3
 
@@ -63,12 +63,20 @@ class Rival(NamedTuple):
 
 
 @eqx.filter_jit
-def _run(layout, drive, u, dt, start, substeps, q):
+def _run(
+    layout: tuple[Free, ...],
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    start: Start,
+    substeps: int,
+    q: Float[Array, " p"],
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, "p n"]]:
     return sensitivities(layout, drive, u, dt, start, substeps, q)
 
 
 class Distance(NamedTuple):
-    """How far a rival stays from the truth, in standard deviations of the noise: `refitted`, and in `one_step` by the
+    """Distance of a rival from the truth, in standard deviations of the noise: `refitted`, and in `one_step` by the
     linear projection; and whether the refit `converged`."""
 
     refitted: float
@@ -81,7 +89,7 @@ def distance(rival: Rival, run: Run, truth: Run, session: Plan, place: int, step
 
     **Arguments:**
 
-    - `rival`: whose effect number `place`, if it has one, is what it claims.
+    - `rival`: the model; its effect number `place`, if it has one, is its own.
     - `run`: the rival's own, before the refit.
     - `truth`: the run that it is fitted to, of the same `session`.
 
@@ -98,7 +106,7 @@ def distance(rival: Rival, run: Run, truth: Run, session: Plan, place: int, step
     if np.any(without):
         starts.append((without, rival.run(session, without)))
     starts = sorted((one for one in starts if one[1].finite), key=lambda one: refit.misfit(*one))
-    one_step = float(np.sqrt(refit.promise(*starts[0])))
+    one_step = float(np.sqrt(refit.predicted(*starts[0])))
     if steps == 0:
         return Distance(one_step, one_step, False)
     left, settled = refit.descend(*starts[0], steps)
@@ -108,11 +116,18 @@ def distance(rival: Rival, run: Run, truth: Run, session: Plan, place: int, step
 
 
 class _Refit:
-    """Least squares with a weak prior, by damped steps of Gauss and Newton."""
+    """Least squares with a weak prior, by damped Gauss-Newton steps."""
 
-    def __init__(self, rival: Rival, truth: Run, session: Plan, weak: np.ndarray, values: np.ndarray):
+    def __init__(
+        self,
+        rival: Rival,
+        truth: Run,
+        session: Plan,
+        weak: Float[np.ndarray, " p"],
+        values: Float[np.ndarray, " p"],
+    ) -> None:
         self.rival, self.truth, self.session, self.weak = rival, truth, session, weak
-        # A strength stays in its admissible range; a logarithm has none.
+        # A strength stays in its admissible range; a logarithm has no range.
         ends = [
             (-np.inf, np.inf)
             if one.parameter.transform == "log"
@@ -125,12 +140,12 @@ class _Refit:
         """Squared distance of the positions from those of the truth."""
         return float(np.sum((self.truth.x - run.x) ** 2))
 
-    def misfit(self, q: np.ndarray, run: Run) -> float:
+    def misfit(self, q: Float[np.ndarray, " p"], run: Run) -> float:
         """The same with the prior."""
         return self.left(run) + float(np.sum((self.weak * q) ** 2))
 
-    def steps(self, q: np.ndarray, run: Run) -> Iterator[tuple[np.ndarray, float]]:
-        """The steps to be tried, with the misfit that each promises; the first is that of Gauss and Newton."""
+    def steps(self, q: Float[np.ndarray, " p"], run: Run) -> Iterator[tuple[Float[np.ndarray, " p"], float]]:
+        """The steps to be tried, each with its predicted misfit; the first is the Gauss-Newton step."""
         rows = np.concatenate([run.columns, np.diag(self.weak)])
         size, missing = np.linalg.norm(rows, axis=0), np.concatenate([self.truth.x - run.x, -self.weak * q])
         left, values, right = np.linalg.svd(rows / size, full_matrices=False)
@@ -139,32 +154,32 @@ class _Refit:
             step = part * (right.T @ (values / (values**2 + damping) * along)) / size
             yield step, float(np.sum((missing - rows @ step) ** 2))
 
-    def promise(self, q: np.ndarray, run: Run) -> float:
-        """Squared distance and prior that a whole step of Gauss and Newton promises."""
+    def predicted(self, q: Float[np.ndarray, " p"], run: Run) -> float:
+        """Predicted squared distance and prior after a full Gauss-Newton step."""
         return next(self.steps(q, run))[1]
 
-    def descend(self, q: np.ndarray, run: Run, steps: int) -> tuple[float, bool]:
-        """Squared distance at the end, and whether a further step promises to lower it by little only."""
+    def descend(self, q: Float[np.ndarray, " p"], run: Run, steps: int) -> tuple[float, bool]:
+        """Squared distance at the end, and whether the refit has converged."""
         for _ in range(steps):
             if self.settled(q, run):
                 break
             now, best = self.misfit(q, run), (q, run)
-            for step, promised in self.steps(q, run):
+            for step, predicted in self.steps(q, run):
                 there = np.clip(q + step, self.low, self.high)
                 then = self.rival.run(self.session, there)
                 if then.finite and self.misfit(there, then) < self.misfit(*best):
                     best = (there, then)
-                if now - self.misfit(*best) >= _ENOUGH * (now - promised):
+                if now - self.misfit(*best) >= _ENOUGH * (now - predicted):
                     break
             if best[1] is run:
                 break
             q, run = best
         return self.left(run), self.settled(q, run)
 
-    def settled(self, q: np.ndarray, run: Run) -> bool:
-        """Whether a further step promises little; below a distance of 1 nothing is told apart anyway."""
+    def settled(self, q: Float[np.ndarray, " p"], run: Run) -> bool:
+        """Whether the predicted decrease of a further step is small; distances well below 1 cannot be distinguished."""
         now = self.misfit(q, run)
-        return now - self.promise(q, run) < max(_STEADY * now, _STEADY)
+        return now - self.predicted(q, run) < max(_STEADY * now, _STEADY)
 
 
 def finite_or_error(run: Run, session: Plan) -> None:

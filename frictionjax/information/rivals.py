@@ -1,4 +1,4 @@
-"""Two models that are to be told apart: what each adds to a drive, what it is called, and what a refit may move."""
+"""Two models to discriminate between: the effect each adds to a drive, their names, and the parameters of a refit."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ def base_and(drive: Drive, effect: AbstractEffect | None) -> Drive:
 
 
 def named_pair(first: AbstractEffect | None, second: AbstractEffect | None) -> tuple[str, str]:
-    """Names of the models with the effects `first` and `second`, or an error when no experiment tells them apart."""
+    """Names of the models with the effects `first` and `second`; an error when no experiment can distinguish them."""
     for place, effect in (("`first`", first), ("`second`", second)):
         if effect is None:
             continue
@@ -29,7 +29,9 @@ def named_pair(first: AbstractEffect | None, second: AbstractEffect | None) -> t
                 f"it is {effect!r}", place=place, cure="Give an effect of the `catalogue`, or None."
             )
         if not all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(effect)):
-            raise InputError(f"{effect.name} has a value that is not finite", place=place, cure="Mend it.")
+            raise InputError(
+                f"{effect.name} has a value that is not finite", place=place, cure="Give finite values."
+            )
         if all(float(getattr(effect, one.name)) == 0.0 for one in effect.strengths):
             strengths = ", ".join(one.name for one in effect.strengths)
             raise InputError(
@@ -39,7 +41,7 @@ def named_pair(first: AbstractEffect | None, second: AbstractEffect | None) -> t
             )
     if type(first) is type(second) and _fixed(first) == _fixed(second):
         raise InputError(
-            f"both are {BASE if first is None else first.name}, and a refit makes up for any other strength",
+            f"both are {BASE if first is None else first.name}, and a refit compensates for a different strength",
             place="`first`, `second`",
             cure="Give two effects, or two forms of one.",
         )

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.core import InputError
 
@@ -13,8 +13,10 @@ _MOST_SAMPLES = 16384
 _SILENT = 1e-9  # of the largest line: a smaller one carries no sine
 
 
-def lines_of(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lines that `u` has, their amplitudes and phases, or an error."""
+def lines_of(
+    u: Float[np.ndarray, " n"],
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """The lines of `u`, their amplitudes and phases, or an error."""
     if u.size > _MOST_SAMPLES:
         raise InputError(
             f"it has {u.size} samples",
@@ -29,18 +31,16 @@ def lines_of(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if present[0] or (u.size % 2 == 0 and present[-1]):
         which = "a mean" if present[0] else "a line at half of the sample rate"
         raise InputError(
-            f"it has {which}", place="`start`", cure="Take it off, or give one that `multisine` makes."
+            f"it has {which}", place="`start`", cure="Remove it, or give one that `multisine` makes."
         )
     lines = np.flatnonzero(present)
     return lines, magnitude[lines], np.angle(spectrum[lines])
 
 
-def size_of(u: np.ndarray, rms: float | None, peak: float | None) -> float:
-    """What is held: the rms or the peak, input units."""
+def size_of(u: Float[np.ndarray, " n"], rms: float | int | None, peak: float | int | None) -> float:
+    """The rms or the peak that is kept constant, input units."""
     if rms is not None and peak is not None:
-        raise InputError(
-            "both are given", place="`rms`, `peak`", cure="Give one: the other is what comes of it."
-        )
+        raise InputError("both are given", place="`rms`, `peak`", cure="Give one: the other follows from it.")
     size = peak if peak is not None else float(np.sqrt(np.mean(u**2))) if rms is None else rms
     if not (np.isfinite(size) and size > 0.0):
         which = "`rms`" if peak is None else "`peak`"
@@ -52,7 +52,7 @@ class SignalShape(eqx.Module):
     """A signal as a function of the logarithms of its amplitudes and of its phases, of constant rms or peak."""
 
     silence: Float[Array, " n"]
-    lines: Array
+    lines: Int[Array, " m"]
     size: Float[Array, ""]
     by_peak: Bool[Array, ""]
 

@@ -1,4 +1,4 @@
-"""Everything the report asks of matplotlib: a figure of stacked panels, thin lines, and its PNG as a data URI."""
+"""All use of matplotlib by the report: a figure of stacked panels, lines, bands, and its PNG as a data URI."""
 
 import base64
 import io
@@ -16,7 +16,7 @@ from PIL import Image
 
 from frictionjax.report.series import COLUMNS, envelope
 
-# Okabe and Ito's colours: told apart by colour-blind readers too, and in grey print by their lightness.
+# Okabe and Ito's colours: distinct for colour-blind readers, and in grey print by their lightness.
 MEASURED, BASE, EXTENDED, BAND = "#2b2b2b", "#d55e00", "#0072b2", "#9a9a9a"
 WIDTH, DPI = 5.2, 192  # inches and dots per inch: twice the density of a plain screen
 
@@ -53,9 +53,10 @@ _spare: dict[tuple[float, ...], list[tuple[Figure, list[Axes]]]] = {}
 
 @contextmanager
 def stack(heights: Sequence[float]) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of panels above one another that share the time axis, empty again when the context ends: the next one of
-    these heights takes over its axes and their ticks, the making of which takes long. Whoever draws sets all limits and
-    labels.
+    """A figure of stacked panels that share the time axis.
+
+    It is emptied when the context ends and reused by the next figure of these heights, because axes and ticks are slow
+    to make: the caller sets all limits and labels.
 
     **Arguments:**
 
@@ -132,13 +133,13 @@ def band(axes: Axes, t: Float[np.ndarray, " n"], half_width: Float[np.ndarray, "
 
 
 def mark(axes: Sequence[Axes], start: float, stop: float) -> None:
-    """Tint the stretch from `start` to `stop` (s) in every panel: what the close-up beside it shows."""
+    """Tint the interval from `start` to `stop` (s) in every panel: the one that the close-up shows."""
     for panel in axes:
         panel.axvspan(start, stop, color="#e69f00", alpha=0.18, linewidth=0)
 
 
 def note(axes: Axes, words: str) -> None:
-    """A few words in the upper right corner of a panel."""
+    """A short text in the upper right corner of a panel."""
     halo = [patheffects.withStroke(linewidth=2.5, foreground="white", alpha=0.8)]
     axes.text(0.99, 0.96, words, transform=axes.transAxes, ha="right", va="top", path_effects=halo)
 

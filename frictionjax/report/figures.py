@@ -1,6 +1,6 @@
-"""The figures of the report: one function, one picture, returned as a PNG data URI."""
+"""The figures of the report: one function each, returned as a PNG data URI."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -12,10 +12,11 @@ from frictionjax.report.format import engineering, quantity
 from frictionjax.report.series import limits
 
 
+@runtime_checkable
 class Draw(Protocol):
-    """A picture of one stretch of a recording, as a PNG data URI.
+    """A figure of one interval of a recording, as a PNG data URI.
 
-    `window` holds the samples to draw and `mark` those to tint; the units of `plant` label the axes; `extended`
+    `window` selects the samples to draw and `mark` those to tint; the units of `plant` label the axes; `extended`
     says whether there is an extended model to draw.
     """
 
@@ -27,10 +28,10 @@ class Draw(Protocol):
 def comparison(
     recording: RecordingFit, plant: Plant, extended: bool, window: slice, mark: slice | None = None
 ) -> str:
-    """Measured against both models, the error of their 0.1 s predictions, and the input.
+    """Measured output and both models, the errors of their 0.1 s predictions, and the input.
 
-    The upper panel holds the measured answer (dark, on top), the predicted ones (solid) and the free runs
-    (dashed); in the middle the noise floor is shaded, plus and minus two.
+    The upper panel has the measured output (dark, on top), the predictions (solid) and the free runs (dashed);
+    in the middle panel, plus and minus twice the noise floor is shaded.
 
     **Arguments:** as `Draw`; the arrays of `recording` have shape `(n,)`.
 
@@ -47,7 +48,7 @@ def comparison(
         free.append(recording.free_extended[window])
     colours = (canvas.BASE, canvas.EXTENDED)
     with canvas.stack((1.5, 1.5, 0.6)) as (figure, (upper, middle, lower)):
-        # Far from zero the axis counts from the first sample: 70 756.1 µm at every tick helps nobody.
+        # Far from zero the axis counts from the first sample, for short tick labels.
         origin = float(measured[0]) if abs(float(np.nanmean(measured))) > 4 * _span(measured) else 0.0
         factor, label = engineering(unit, _span(measured))
         for series, colour in zip(free, colours, strict=False):
@@ -55,7 +56,7 @@ def comparison(
         for series, colour in zip(predicted, colours, strict=False):
             canvas.line(upper, t, factor * (series - origin), colour, width=1.8)
         canvas.line(upper, t, factor * (measured - origin), canvas.MEASURED, width=0.8)
-        # A free run may leave for good: the measured motion sets the scale, not its escape.
+        # A free run may diverge, so the measured motion and the predictions set the limits.
         upper.set_ylim(
             limits(*(factor * (series - origin) for series in (measured, *predicted)), margin=0.12)
         )
@@ -83,7 +84,7 @@ def comparison(
 def residual(
     recording: RecordingFit, plant: Plant, extended: bool, window: slice, mark: slice | None = None
 ) -> str:
-    """The force that the model lacks, before and after the extension, over its ±2 standard deviation band.
+    """The residual force of the base and of the extended model, over its band of ±2 standard deviations.
 
     **Arguments:** as `Draw`; the arrays of `recording` have shape `(n,)`.
 
@@ -100,7 +101,7 @@ def residual(
         canvas.band(axes, t, 2 * factor * std)
         for force, colour in zip(forces, (canvas.BASE, canvas.EXTENDED), strict=False):
             canvas.line(axes, t, factor * force, colour)
-        # The band may be wide open where nothing moves: the residuals set the scale, yet a quiet band stays in view.
+        # The band is very wide where nothing moves, so the residuals and the median band set the limits.
         quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
         axes.set_ylim(limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet])))
         axes.set_ylabel(_labelled("residual force", label))
@@ -108,7 +109,7 @@ def residual(
 
 
 def answer_of(recording: RecordingFit, plant: Plant) -> tuple[str, str, Float[np.ndarray, " n"]]:
-    """What the model predicts in this recording: its name, its unit, and what was measured of it, shape `(n,)`."""
+    """The output of the model in this recording: its name, its unit, and its measured values, shape `(n,)`."""
     if recording.drive == "motion" and recording.force is not None:
         return "force", plant.force_unit, recording.force
     return "position", plant.position_unit, recording.x

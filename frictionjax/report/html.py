@@ -1,4 +1,4 @@
-"""Small pieces of HTML: escaped text, tables, pictures, gauges. They know no physics."""
+"""Small pieces of HTML: escaped text, tables, pictures, gauges. No physics here."""
 
 import math
 from collections.abc import Iterable, Sequence

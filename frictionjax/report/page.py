@@ -1,4 +1,4 @@
-"""report.html: the sections in one self-contained file, no network needed to read it."""
+"""report.html: the sections in one self-contained file that loads nothing from the network."""
 
 from importlib.metadata import version
 from importlib.resources import files

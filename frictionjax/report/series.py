@@ -1,4 +1,4 @@
-"""Long series made short enough to draw: envelopes, the window worth a closer look, and limits for an axis."""
+"""Series prepared for drawing: envelopes of long ones, the window of the close-up, and limits of axes."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,13 +11,13 @@ COLUMNS = 700  # of an envelope: about one for each pixel of a panel
 def envelope(
     t: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], columns: int = COLUMNS
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """The least and the greatest value in each of `columns` stretches: a short line that looks like the long one.
+    """Minimum and maximum of each of `columns` segments: a short line that draws like the long one.
 
     **Arguments:**
 
     - `t`: time, s, shape `(n,)`.
-    - `y`: any unit, shape `(n,)`; NaN stays a gap where a whole stretch is NaN.
-    - `columns`: number of stretches.
+    - `y`: any unit, shape `(n,)`; a segment that is all NaN stays a gap.
+    - `columns`: number of segments.
 
     **Returns:**
 
@@ -29,7 +29,7 @@ def envelope(
     whole = y.size // length
     parts = y[: whole * length].reshape(whole, length)
     low, high = np.fmin.reduce(parts, axis=1), np.fmax.reduce(parts, axis=1)
-    # Least and greatest in the order in which they happened is of no matter at one pixel's width.
+    # The order of minimum and maximum inside a segment does not show: it is one pixel wide.
     times = t[: whole * length : length]
     short_t = np.repeat(times, 2)
     short_y = np.stack([low, high], axis=1).ravel()
@@ -41,10 +41,10 @@ def envelope(
 
 
 def zoom(recording: RecordingFit, share: float = 0.05, least: int = 100) -> slice:
-    """The stretch where the base model misses most of what the extended model has.
+    """The window in which the extended model improves most on the base model.
 
     It is the window with the largest mean drop of (residual force / its standard deviation)² from base to extended
-    model; where the extended model improves on nothing, the window with the largest base residual.
+    model; where it improves nowhere, the window with the largest residual of the base model.
 
     **Arguments:**
 
@@ -69,8 +69,8 @@ def zoom(recording: RecordingFit, share: float = 0.05, least: int = 100) -> slic
     return slice(start, start + length)
 
 
-def limits(*series: Float[np.ndarray, " n"], margin: float = 0.06) -> tuple[float, float]:
-    """Limits of an axis that holds every finite value of `series`, with a margin.
+def limits(*series: Float[np.ndarray, " _"], margin: float = 0.06) -> tuple[float, float]:
+    """Limits of an axis that shows every finite value of `series`, with a margin.
 
     **Arguments:**
 
@@ -84,11 +84,11 @@ def limits(*series: Float[np.ndarray, " n"], margin: float = 0.06) -> tuple[floa
 
 
 def is_extended(diagnosis: Diagnosis) -> bool:
-    """Whether there is an extended model, one that predicts anything other than the base model does.
+    """Whether there is an extended model whose predictions differ from those of the base model.
 
     **Arguments:**
 
-    - `diagnosis`: an adequate one has no extended model, nor has an unknown one that nothing could be added to.
+    - `diagnosis`: an adequate one has no extended model, nor has an unknown one without a named effect.
     """
     if diagnosis.verdict == "adequate":
         return False
@@ -99,7 +99,7 @@ def is_extended(diagnosis: Diagnosis) -> bool:
 
 
 def holdout_first(recordings: tuple[RecordingFit, ...]) -> list[RecordingFit]:
-    """The recordings in the order of the report: those kept aside come first."""
+    """The recordings in the order of the report: held-out ones first."""
     return sorted(recordings, key=lambda recording: recording.role != "holdout")
 
 

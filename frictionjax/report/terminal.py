@@ -1,4 +1,4 @@
-"""The verdict as lines for a terminal."""
+"""The verdict as lines of text for a terminal."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from frictionjax.report.series import is_extended
 
 
 def summary_lines(diagnosis: Diagnosis) -> list[str]:
-    """The sentence, then the prediction error on each recording kept aside, base model -> extended model.
+    """The summary, then the prediction error on each held-out recording, base model -> extended model.
 
     **Arguments:**
 
@@ -16,15 +16,15 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
 
     **Returns:**
 
-    Lines without line ends, in ASCII but for what the summary and the units hold.
+    Lines without line ends, in ASCII except for the summary and the units.
     """
     lines = [diagnosis.summary]
     held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
     if not held_out:
-        return [*lines, "", "No recording was kept aside: nothing was verified on unseen data."]
+        return [*lines, "", "No recording was held out: nothing was verified on other data."]
     extended = is_extended(diagnosis)
     models = "base -> extended model" if extended else "base model"
-    lines += ["", f"Prediction error on recordings kept aside (rms, 0.1 s ahead), {models}:"]
+    lines += ["", f"Prediction error on held-out recordings (rms, 0.1 s ahead), {models}:"]
     width = max(len(recording.name) for recording in held_out)
     for recording in held_out:
         unit = diagnosis.plant.force_unit if recording.drive == "motion" else diagnosis.plant.position_unit
@@ -38,7 +38,7 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
 
 
 def truth_lines(truth: dict[str, Any], diagnosis: Diagnosis) -> list[str]:
-    """What a simulated machine really holds, next to what was found.
+    """The true model of a simulated machine beside the one found.
 
     **Arguments:**
 
@@ -60,7 +60,9 @@ def truth_lines(truth: dict[str, Any], diagnosis: Diagnosis) -> list[str]:
         for name, value in truth.get(effect, {}).items():
             rows.append((f"{effect} {name}", f"{value:.5g}", _found(estimates.get(effect, {}).get(name))))
     widths = [max(len(row[column]) for row in rows) for column in range(2)]
-    return [f"  {what:<{widths[0]}}  {true:<{widths[1]}}  {seen}".rstrip() for what, true, seen in rows]
+    return [
+        f"  {what:<{widths[0]}}  {true:<{widths[1]}}  {estimate}".rstrip() for what, true, estimate in rows
+    ]
 
 
 def _found(estimate: Estimate | None) -> str:

@@ -1,6 +1,6 @@
-"""Four ways to the parameters of LuGre friction, judged by Monte Carlo against the Cramer-Rao bound."""
+"""Four estimators of the parameters of LuGre friction, compared by Monte Carlo with the Cramer-Rao bound."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
@@ -37,7 +37,7 @@ NORMAL_95 = 1.96
 
 
 class EstimatorComparison(eqx.Module):
-    """What each estimator made of the same draws.
+    """The estimates of each estimator on the same draws.
 
     Arrays have the axes estimator, noise level, draw, parameter, in the order of `estimators` and `parameters`.
 
@@ -80,7 +80,7 @@ class EstimatorComparison(eqx.Module):
 
     @property
     def coverage(self) -> Float[np.ndarray, "e k p"]:
-        """Part of the draws whose 95 % interval, 1.96 standard errors to each side, holds the truth, `(4, k, 7)`."""
+        """Part of the draws whose 95 % interval, 1.96 standard errors to each side, covers the truth, `(4, k, 7)`."""
         inside = np.where(np.isfinite(self._errors), np.abs(self._errors) <= NORMAL_95 * self.stderr, np.nan)
         return self._over(np.nanmean, inside)
 
@@ -93,7 +93,7 @@ class EstimatorComparison(eqx.Module):
         """One row for each estimator, noise level and parameter that it gives; numbers are finite or None.
 
         `bias`, `std` and `crlb` (as a standard deviation) in `unit`; `bias_stderr` is the Monte Carlo error of the
-        bias, `ratio` is `std` over `crlb`, `converged` the part of the draws in which the estimator arrived, and
+        bias, `ratio` is `std` over `crlb`, `converged` the part of the draws in which the estimator converged, and
         `identified` whether the bound is below half of the value.
         """
         bias, std, coverage = self.bias, self.std, self.coverage
@@ -121,7 +121,7 @@ class EstimatorComparison(eqx.Module):
 
     @property
     def sentences(self) -> tuple[str, str, str]:
-        """Which to use when: three sentences made of the numbers."""
+        """Three sentences, made from the numbers, on which estimator to use when."""
         deflection = float(self.truth[5] / self.truth[1])
         draws = self.converged.shape[1] * self.converged.shape[2]
         return sentences(
@@ -138,10 +138,12 @@ class EstimatorComparison(eqx.Module):
         )
 
     @property
-    def _errors(self) -> np.ndarray:
+    def _errors(self) -> Float[np.ndarray, "e k draws p"]:
         return np.where(self.converged[..., None], self.estimates - self.truth, np.nan)
 
-    def _over(self, statistic, values: np.ndarray) -> np.ndarray:
+    def _over(
+        self, statistic: Callable[..., Float[np.ndarray, "e k p"]], values: Float[np.ndarray, "e k draws p"]
+    ) -> Float[np.ndarray, "e k p"]:
         """`statistic` over the draws; NaN where there are too few."""
         enough = np.sum(np.isfinite(values), axis=2) > 1
         safe = np.where(enough[:, :, None, :], values, 0.0)
@@ -167,7 +169,8 @@ def compare_estimators(
     under a ramp to twice the static friction (1 s at 1 kHz). White noise is added to both positions; its variance is
     estimated in each draw from the data alone. The two estimators on the frequency response (7 Hann segments of 1024,
     3 to 150 Hz) need no friction model and no start. The two in the time domain start within 10 % of the truth, and
-    the last where the third ended. Data and model share one integration scheme: what its steps do is no part of this.
+    the last where the third ended. Data and model share one integration scheme: its
+    discretisation error is not part of the comparison.
 
     **Arguments:**
 
@@ -176,7 +179,7 @@ def compare_estimators(
     - `excitation`: rms of the noise experiment over the static friction.
     - `seed`: of the random numbers.
     - `executor`: threads that share the work, such as `ThreadPoolExecutor(2)`.
-    - `progress`: called as parts of the work finish.
+    - `progress`: called as parts of the work are finished.
 
     **Returns:** the `EstimatorComparison`.
 
@@ -198,7 +201,9 @@ def compare_estimators(
     keys = jnp.tile(jax.random.split(jax.random.key(seed), draws), scale.size)
     sigma = jnp.repeat(jnp.asarray(noise), draws)
 
-    def stage(name, function, lanes, begin, end):
+    def stage(
+        name: str, function: Callable[[Any], Any], lanes: Any, begin: float, end: float
+    ) -> tuple[Any, float]:
         return in_parts(
             function, lanes, WIDTH, executor, lambda part: progress(name, begin + (end - begin) * part)
         )

@@ -1,4 +1,4 @@
-"""Three sentences on which estimator to use when, made of the numbers of the comparison."""
+"""Three sentences on which estimator to use when, made from the numbers of the comparison."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 
 class Findings(NamedTuple):
-    """What the sentences are made of, with the axes estimator (SK, ML, break-away, joint), noise level, parameter.
+    """The numbers behind the sentences, with the axes estimator (SK, ML, break-away, joint), noise level, parameter.
 
     **Attributes:**
 
@@ -39,7 +39,7 @@ def _percent(value: float) -> str:
     return f"{percent:.0f} %" if abs(percent) >= 10.0 else f"{percent:.2g} %"
 
 
-def _range(values: np.ndarray, form: str) -> str:
+def _range(values: Float[np.ndarray, "..."], form: str) -> str:
     low, high = (format(value, form) for value in (np.nanmin(values), np.nanmax(values)))
     return low if low == high else f"{low} to {high}"
 
@@ -55,7 +55,7 @@ def _response(found: Findings) -> str:
     advice = (
         "prefer maximum likelihood to Sanathanan-Koerner"
         if np.max(ratio) > 1.1 and np.min(ratio) > 0.9
-        else "Sanathanan-Koerner and maximum likelihood are a matter of taste"
+        else "note that maximum likelihood is not clearly better than Sanathanan-Koerner"
     )
     return (
         f"Use a frequency response when no friction model is to be assumed and no start is known, and {advice} (at a "
@@ -63,7 +63,8 @@ def _response(found: Findings) -> str:
         f"{_percent(found.bias[0, loud, worst])} against {_percent(found.bias[1, loud, worst])}, at "
         f"{found.milliseconds[1]:.2g} ms a draw for both); but friction is not linear, and at "
         f"{_percent(found.excitation)} of break-away sigma0 comes out {_percent(abs(low))} too {side} however "
-        f"little noise there is, and its 95 % interval then holds the truth in {_percent(found.coverage[1, quiet, 1])} "
+        f"little noise there is, and its 95 % interval then covers the truth in "
+        f"{_percent(found.coverage[1, quiet, 1])} "
         "of the draws: extrapolate to zero amplitude."
     )
 
@@ -71,11 +72,12 @@ def _response(found: Findings) -> str:
 def _breakaway(found: Findings) -> str:
     return (
         "Use break-away data with the full LuGre model for Fc, Fs, vs and sigma2, which no response below break-away "
-        f"holds, and for sigma0: over all noise levels the scatter is {_range(found.std[2] / found.bound[2], '.2f')} "
-        "times the Cramer-Rao bound and the 95 % interval holds the truth in "
+        f"determines, and for sigma0: over all noise levels the scatter is "
+        f"{_range(found.std[2] / found.bound[2], '.2f')} "
+        "times the Cramer-Rao bound and the 95 % interval covers the truth in "
         f"{_range(100.0 * found.coverage[2], '.0f')} % of the draws, at {found.milliseconds[2]:.2g} ms a draw; but "
         "friction must be LuGre, and a start known "
-        f"(within 10 % here: {_range(100.0 * found.converged[2], '.0f')} % of the draws arrive)."
+        f"(within 10 % here: {_range(100.0 * found.converged[2], '.0f')} % of the draws converge)."
     )
 
 
@@ -84,7 +86,7 @@ def _joint(found: Findings) -> str:
     use = (
         "Use all data jointly when presliding matters"
         if max(gain[1], gain[2]) > 1.1
-        else "All data jointly are hardly worth the time"
+        else "Using all data jointly gains too little for its time"
     )
     return (
         f"{use}: against break-away alone the scatter falls by a factor of {gain[2]:.2f} for sigma1 + sigma2, "

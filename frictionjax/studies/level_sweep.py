@@ -1,4 +1,4 @@
-"""How the stiffness that a frequency response shows falls with the level of the noise: the paper's Table III."""
+"""The stiffness from frequency responses falls as the level of the excitation grows: the paper's Table III."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, Key, Real
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.excitation import gaussian_noise, prbs
@@ -33,7 +33,7 @@ def table_one() -> Drive:
 
 
 class LevelSweep(eqx.Module):
-    """What frequency responses say at each level of the excitation, with everything else equal.
+    """Readings from frequency responses at each level of the excitation, all else equal.
 
     Arrays over excitations, levels and seeds have the shape `(2, k, seeds)`, in the order of `excitations`.
 
@@ -45,7 +45,7 @@ class LevelSweep(eqx.Module):
     - `low_frequency_stiffness`: mean of `1 / |H|` on `low_band`, force per position unit.
     - `damping`, `inertia`: fitted on `band`, in force s and force s^2 per position unit.
     - `coherence`: its mean on `low_band`.
-    - `true_stiffness`: stiffness of the machine at rest, force per position unit: what zero amplitude would show.
+    - `true_stiffness`: stiffness of the machine at rest, force per position unit: the limit at zero amplitude.
     - `band`, `low_band`: frequencies, Hz.
     """
 
@@ -57,8 +57,8 @@ class LevelSweep(eqx.Module):
     inertia: Float[np.ndarray, "2 k seeds"]
     coherence: Float[np.ndarray, "2 k seeds"]
     true_stiffness: float = eqx.field(static=True)
-    band: tuple[float, float] = eqx.field(static=True)
-    low_band: tuple[float, float] = eqx.field(static=True)
+    band: tuple[float | int, float | int] = eqx.field(static=True)
+    low_band: tuple[float | int, float | int] = eqx.field(static=True)
 
     def mean(self, kind: str, quantity: str = "stiffness") -> Float[np.ndarray, " k"]:
         """Mean over the seeds, shape `(k,)`, of the attribute `quantity` with the excitation `kind`."""
@@ -69,7 +69,7 @@ class LevelSweep(eqx.Module):
         return np.std(getattr(self, quantity)[self._place(kind)], axis=1, ddof=1)
 
     def zero_amplitude(
-        self, kind: str, *, upto: float | None = None, seed: int | None = None
+        self, kind: str, *, upto: float | int | None = None, seed: int | None = None
     ) -> ZeroAmplitude:
         """Stiffness extrapolated to zero amplitude.
 
@@ -117,27 +117,27 @@ class LevelSweep(eqx.Module):
 
 
 class Setting(NamedTuple):
-    """How each record is made and read: see `level_sweep`."""
+    """How each record is made and analysed: see `level_sweep`."""
 
     n: int
     segment: int
-    sample_rate: float
-    bandwidth: float
-    band: tuple[float, float]
-    low_band: tuple[float, float]
+    sample_rate: float | int
+    bandwidth: float | int
+    band: tuple[float | int, float | int]
+    low_band: tuple[float | int, float | int]
 
 
 def level_sweep(
     drive: Drive | None = None,
     *,
-    levels: ArrayLike | None = None,
+    levels: Real[ArrayLike, " k"] | Sequence[float | int] | None = None,
     seeds: int = 20,
     averages: int = 50,
-    sample_rate: float = 10_000.0,
+    sample_rate: float | int = 10_000.0,
     segment: int = 8192,
-    bandwidth: float = 500.0,
-    band: tuple[float, float] = (3.0, 150.0),
-    low_band: tuple[float, float] = (3.0, 8.0),
+    bandwidth: float | int = 500.0,
+    band: tuple[float | int, float | int] = (3.0, 150.0),
+    low_band: tuple[float | int, float | int] = (3.0, 8.0),
     seed: int = 0,
     progress: Progress = silent,
 ) -> LevelSweep:
@@ -146,7 +146,7 @@ def level_sweep(
     All records are one batch: it is simulated, transformed and fitted by one `jax.vmap`, some records at a time. The
     frequency responses are the paper's (Hann, 50 % overlap); the position carries no noise, so what lowers coherence
     and stiffness is friction alone. `1 / H = stiffness + damping s + J s^2` is fitted by linear least squares with
-    relative errors, and freed of the hold's half sample.
+    relative errors, and the half-sample delay of the zero-order hold is removed.
 
     **Arguments:**
 
@@ -164,7 +164,7 @@ def level_sweep(
 
     **Returns:** the `LevelSweep`.
 
-    **Raises:** `InputError` when `levels` are not positive, `seeds` or `averages` are below two, or a band holds no
+    **Raises:** `InputError` when `levels` are not positive, `seeds` or `averages` are below two, or a band contains no
         bins; `PrecisionError` when JAX computes in float32.
     """
     require_x64()
@@ -204,7 +204,14 @@ def level_sweep(
     )
 
 
-def _check(levels, seeds, averages, resolution, band, low_band) -> None:
+def _check(
+    levels: Float[np.ndarray, "..."],
+    seeds: int,
+    averages: int,
+    resolution: float,
+    band: tuple[float | int, float | int],
+    low_band: tuple[float | int, float | int],
+) -> None:
     if levels.ndim != 1 or not np.all(levels > 0.0):
         raise InputError("`levels` must be positive", cure="Give rms over break-away, such as 0.01 to 0.6.")
     if seeds < 2 or averages < 2:
@@ -213,19 +220,27 @@ def _check(levels, seeds, averages, resolution, band, low_band) -> None:
             cure="Give two or more of each: one record has no spread.",
         )
     for name, (low, high), bins in (("band", band, 4), ("low_band", low_band, 1)):
-        held = np.floor(high / resolution) - np.ceil(low / resolution) + 1
-        if held < bins:
+        inside = np.floor(high / resolution) - np.ceil(low / resolution) + 1
+        if inside < bins:
             raise InputError(
-                f"`{name}` from {low} to {high} Hz holds {held:.0f} bins",
-                cure="Widen it, or a longer `segment`.",
+                f"`{name}` from {low} to {high} Hz contains {inside:.0f} bins",
+                cure="Widen it, or take a longer `segment`.",
             )
 
 
 @eqx.filter_jit
-def _records(drive, keys, levels, binary, setting: Setting) -> Float[Array, "5 lanes"]:
+def _records(
+    drive: Drive,
+    keys: Key[Array, " lanes"],
+    levels: Float[Array, " lanes"],
+    binary: Bool[Array, " lanes"],
+    setting: Setting,
+) -> Float[Array, "5 lanes"]:
     """Stiffness, damping, inertia, low-frequency stiffness and coherence of each record, shape `(5, lanes)`."""
 
-    def record(key, level, is_binary):
+    def record(
+        key: Key[Array, ""], level: Float[Array, ""], is_binary: Bool[Array, ""]
+    ) -> Float[Array, " 5"]:
         u = noise(key, level * drive.friction.Fs / drive.motor_constant, is_binary, setting)
         x = simulate(drive, u, setting.sample_rate, substeps=1).x
         frf = estimate_frf(drive.motor_constant * u, x, setting.sample_rate, segment=setting.segment)
@@ -234,7 +249,9 @@ def _records(drive, keys, levels, binary, setting: Setting) -> Float[Array, "5 l
     return jax.vmap(record)(keys, levels, binary).T
 
 
-def noise(key, rms, is_binary, setting: Setting) -> Float[Array, " n"]:
+def noise(
+    key: Key[Array, ""], rms: Float[Array, ""], is_binary: Bool[Array, ""], setting: Setting
+) -> Float[Array, " n"]:
     """Noise of the given `rms` with nothing above the bandwidth of `setting`, shape `(n,)`, from the `key`.
 
     Gaussian, or, where `is_binary`, binary with a clock of twice the bandwidth, behind a sharp low-pass. Both then
@@ -251,11 +268,11 @@ def noise(key, rms, is_binary, setting: Setting) -> Float[Array, " n"]:
 def readings(frf: FRF, setting: Setting) -> Float[Array, " 5"]:
     """Stiffness, damping, inertia, low-frequency stiffness and coherence of one frequency response, shape `(5,)`.
 
-    `frf` goes from force to position; `setting` holds the bands.
+    `frf` goes from force to position; `setting` has the bands.
     """
     frequency = np.arange(setting.segment // 2 + 1) * (setting.sample_rate / setting.segment)
 
-    def bins(band: Sequence[float]):
+    def bins(band: tuple[float | int, float | int]) -> Int[np.ndarray, " bins"]:
         return np.flatnonzero((frequency >= band[0]) & (frequency <= band[1]))
 
     fitted, low = bins(setting.band), bins(setting.low_band)

@@ -1,9 +1,9 @@
 """Least squares of the full LuGre drive on recorded positions, of many draws at once.
 
-All draws of a batch take the same few Gauss-Newton steps, each with one evaluation, and say afterwards whether they
-have arrived: a batch whose members stop when they like waits for the slowest. No step is refused. In the narrow
-curved valley of these problems the first full step raises the cost twentyfold and the third ends at the minimum;
-steps that must lower it creep.
+All draws of a batch take the same few Gauss-Newton steps, each with one evaluation, and convergence is
+checked afterwards: a batch with individual stopping would wait for its slowest member. No step is rejected. The minimum
+of these problems is narrow and curved: the first full step raises the cost twentyfold and the third reaches the
+minimum, while steps that must lower the cost converge slowly.
 """
 
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation.fixed import initial_state
-from frictionjax.simulation.ros2 import advance
-from frictionjax.studies.least_squares import ENOUGH, inverse, step
+from frictionjax.simulation.ros2 import State, advance
+from frictionjax.studies.gauss_newton import ENOUGH, inverse, step
 
 NAMES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
 """What is fitted, as logarithms, in this order."""
@@ -24,7 +24,7 @@ NAMES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
 APPROACH = (0.1,) * 6 + (0.03, 0.01, 1e-3, 1e-5)
 """From a start tens of percent off to where least squares on a break-away converges: see `fit_positions`."""
 
-PLAUSIBLE = 0.3  # on the approach, a step longer than this in any logarithm needs data that ask for it
+PLAUSIBLE = 0.3  # standard deviation of the weak prior on each logarithm's step, while `relative` is positive
 SUBSTEPS = 2
 
 
@@ -44,7 +44,7 @@ class Fitted(NamedTuple):
     - `theta`: logarithms of the parameters, shape `(lanes, 7)`, in the order of `NAMES`.
     - `covariance`: theirs, with the noise variance from the residuals, shape `(lanes, 7, 7)`.
     - `variance`: of the noise, position units squared, shape `(lanes,)`.
-    - `converged`: whether no more than a part of a standard error is left to go, shape `(lanes,)`.
+    - `converged`: whether the next step is a small part of a standard error, shape `(lanes,)`.
     """
 
     theta: Float[Array, "lanes 7"]
@@ -65,7 +65,7 @@ def positions(theta: Float[Array, " 7"], u: Float[Array, " n"], dt: Float[Array,
     bristles = drive.bristles()
     zero = jnp.zeros(())
 
-    def sample(state, force):
+    def sample(state: State, force: Float[Array, ""]) -> tuple[State, Float[Array, ""]]:
         # The cheaper derivatives of the scheme: they are within 0.2 % of the exact ones here.
         return advance(drive, bristles, state, force, dt, SUBSTEPS, exact_derivative=False), state.x
 
@@ -84,8 +84,10 @@ def equations(
     Of the residuals of `records` over `noise + relative |x|`.
     """
 
-    def one(theta, u, x, noise):
-        def along(tangent):
+    def one(
+        theta: Float[Array, " 7"], u: Float[Array, " n"], x: Float[Array, " n"], noise: Float[Array, ""]
+    ) -> tuple[Float[Array, ""], Float[Array, "7 7"], Float[Array, " 7"]]:
+        def along(tangent: Float[Array, " 7"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
             return jax.jvp(lambda p: positions(p, u, records.dt), (theta,), (tangent,))
 
         # Not `linearize`, which would store every coefficient of the whole run.
@@ -102,9 +104,9 @@ def fit_positions(
 ) -> Fitted:
     """Least squares from `theta` on all `records` together, one step for each entry of `relative`.
 
-    The machine moves by micrometres before break-away and by centimetres after it, and one long narrow valley leads
-    from a start to the solution. On the way, each sample may be off by the part `relative` of its own position, so
-    that sticking and sliding weigh alike; zeros at the end are steps of least squares proper.
+    The machine moves by micrometres before break-away and by centimetres after it. In the first steps, the
+    standard deviation of each sample is the noise plus `relative` times its own position, so that sticking and sliding
+    have equal weight; the zeros at the end are steps of ordinary least squares.
     """
     noise = _noise(records[0].x)
     for part in (*relative, 0.0):
@@ -116,19 +118,28 @@ def fit_positions(
 
 
 @jax.jit
-def _noise(x):
+def _noise(x: Float[Array, "lanes n"]) -> Float[Array, " lanes"]:
     """The noise, from the second differences of the first quarter of a break-away, where the machine still sticks."""
     early = x[:, : x.shape[1] // 4]
     return jnp.sqrt(jnp.mean((early[:, 2:] - 2.0 * early[:, 1:-1] + early[:, :-2]) ** 2, axis=1) / 6.0)
 
 
 @jax.jit
-def _steps(normal, gradient, prior):
+def _steps(
+    normal: Float[Array, "lanes 7 7"], gradient: Float[Array, "lanes 7"], prior: Float[Array, ""]
+) -> Float[Array, "lanes 7"]:
     return jax.vmap(step)(normal + (prior * jnp.eye(normal.shape[-1]))[None], gradient)
 
 
 @jax.jit
-def _finish(theta, cost, normal, gradient, noise, count):
+def _finish(
+    theta: Float[Array, "lanes 7"],
+    cost: Float[Array, " lanes"],
+    normal: Float[Array, "lanes 7 7"],
+    gradient: Float[Array, "lanes 7"],
+    noise: Float[Array, " lanes"],
+    count: int | Int[Array, ""],
+) -> Fitted:
     freedom = (count - theta.shape[1]) * jnp.ones(())
     excess = cost / freedom
     left = jnp.sum(gradient * jax.vmap(step)(normal, gradient), axis=1)

@@ -1,7 +1,7 @@
-"""Real machines whose recordings others have published: found on this disk by checksum, cut as in the notebook.
+"""Real machines with published recordings: files found on this disk by checksum, cut as in the notebook.
 
-Nothing of them comes with the library: their licences differ, and so do their homes. `load_machine` says where to get
-what it does not find.
+The files do not come with the library, because their licences differ. `load_machine` says where to get those that
+it does not find.
 """
 
 import hashlib
@@ -16,6 +16,7 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 from platformdirs import user_data_path
 
 from frictionjax.core import InputError
@@ -31,8 +32,8 @@ _FETCHER = "nonlinear_benchmarks"  # an extra: loaded only where it is asked for
 class Machine(eqx.Module):
     """A machine whose recordings are published.
 
-    **Attributes:** `title` (what it is), `known` (what is known of its physics from elsewhere), `source` (where its
-    recordings are to be had, a sentence), `files` (name -> SHA-256), `table` (from where the files are, and
+    **Attributes:** `title` (what it is), `known` (what others have published about its physics), `source` (where to
+    get its recordings, a sentence), `files` (name -> SHA-256), `table` (from where the files are, and
     a folder for what must be converted, to the keys of a case file).
     """
 
@@ -90,10 +91,14 @@ def files_of(
 
 
 def load_speed_error(
-    motor: np.ndarray, load: np.ndarray, frequency: float, damping: float, drag: float
+    motor: Float[np.ndarray, " n"],
+    load: Float[np.ndarray, " n"],
+    frequency: float,
+    damping: float,
+    drag: float,
 ) -> float:
-    """Part of the load's measured speed that is not what a spring makes of the motor's: root mean square over the
-    excited lines, over that of the load's speed.
+    """Relative error of the load's speed as a spring would transmit it from the motor: root mean square over the
+    excited lines, over that of the load's measured speed.
 
     A load behind a spring, J2 (x2'' + drag x2') = k (x1 - x2) + c (x1' - x2'), turns with
     (2 zeta s + 1)/(s^2 + (2 zeta + d) s + 1) of the motor's speed; s = i f/f_a, d = drag/(2 pi f_a).
@@ -107,13 +112,13 @@ def load_speed_error(
     """
     settled = slice(_SETTLING * _BENCH_PERIOD, motor.size // _BENCH_PERIOD * _BENCH_PERIOD)
     means = (np.mean(speed[settled].reshape(-1, _BENCH_PERIOD), axis=0) for speed in (motor, load))
-    told, measured = (np.fft.rfft(mean) for mean in means)
-    lines = np.flatnonzero(np.abs(told) > _EXCITED * np.max(np.abs(told)))  # of 1 Hz
+    motor_line, load_line = (np.fft.rfft(mean) for mean in means)
+    lines = np.flatnonzero(np.abs(motor_line) > _EXCITED * np.max(np.abs(motor_line)))  # multiples of 1 Hz
     s = 1j * lines / frequency
     own = drag / (2.0 * np.pi * frequency)
     passed = (2.0 * damping * s + 1.0) / (s**2 + (2.0 * damping + own) * s + 1.0)
-    missed = measured[lines] + passed * told[lines]
-    return float(np.linalg.norm(missed) / np.linalg.norm(measured[lines]))
+    missed = load_line[lines] + passed * motor_line[lines]
+    return float(np.linalg.norm(missed) / np.linalg.norm(load_line[lines]))
 
 
 _BENCH_PERIOD, _SETTLING = 2500, 2  # samples of a period of the bench's multisine; periods left out

@@ -11,7 +11,7 @@ from frictionjax.frequency import FRF
 from frictionjax.frequency.sanathanan_koerner import FREEDOM
 from frictionjax.frequency.second_order import Lines, denominator, sampled_response, sensitivity, start
 from frictionjax.frequency.windows import averaging, window_values
-from frictionjax.studies.least_squares import ENOUGH, inverse, step
+from frictionjax.studies.gauss_newton import ENOUGH, inverse, step
 
 SK_STEPS = 12
 ML_STEPS = 10
@@ -54,7 +54,7 @@ def fit_response(frf: FRF, band: Band) -> tuple[ResponseFit, ResponseFit]:
     """
     lines, scale, wider, freedom = _lines(frf, band)
 
-    def koerner(a, _):
+    def koerner(a: Float[Array, " 4"], _: None) -> tuple[Float[Array, " 4"], Float[Array, " 4"]]:
         D = denominator(a, lines.omega)
         # `start` weighs by |H| what is to be weighed by one over the last denominator.
         weight = lines.weight / jnp.maximum(jnp.abs(D * lines.response), 1e-12)
@@ -69,7 +69,7 @@ def fit_response(frf: FRF, band: Band) -> tuple[ResponseFit, ResponseFit]:
     # In parts of what Sanathanan and Koerner found, so that a step of 0.5 is a long one.
     unit = jnp.where(jnp.abs(a[:3]) > 1e-9, a[:3], 1e-9)
 
-    def newton(part, _):
+    def newton(part: Float[Array, " 3"], _: None) -> tuple[Float[Array, " 3"], None]:
         _, normal, gradient = _evaluate(part, lines)
         return part + unit * step(normal * unit[:, None] * unit[None, :], gradient * unit), None
 
@@ -79,7 +79,7 @@ def fit_response(frf: FRF, band: Band) -> tuple[ResponseFit, ResponseFit]:
     return sk, _read(part, cost, normal, scale, wider, freedom, lines, left)
 
 
-def _lines(frf: FRF, band: Band):
+def _lines(frf: FRF, band: Band) -> tuple[Lines, Float[Array, " 3"], float, float]:
     frequency = np.arange(band.segment // 2 + 1) * (band.sample_rate / band.segment)
     bins = np.flatnonzero((frequency >= band.low) & (frequency <= band.high))
     hop = band.segment - band.segment // 2
@@ -103,7 +103,9 @@ def _lines(frf: FRF, band: Band):
     return lines, scale, average.bin_correlation / (1.0 - 4.0 / freedom), freedom
 
 
-def _evaluate(part, lines):
+def _evaluate(
+    part: Float[Array, " 3"], lines: Lines
+) -> tuple[Float[Array, ""], Float[Array, "3 3"], Float[Array, " 3"]]:
     a = jnp.append(part, 0.0)
     columns = sensitivity(a, lines, True, False)
     weight = jax.lax.complex(lines.weight, jnp.zeros_like(lines.weight))
@@ -112,7 +114,16 @@ def _evaluate(part, lines):
     return jnp.sum(jnp.abs(miss) ** 2), normal, jnp.real(jnp.conj(columns).T @ miss)
 
 
-def _read(part, cost, normal, scale, wider, freedom, lines, left) -> ResponseFit:
+def _read(
+    part: Float[Array, " 3"],
+    cost: Float[Array, ""],
+    normal: Float[Array, "3 3"],
+    scale: Float[Array, " 3"],
+    wider: float,
+    freedom: float,
+    lines: Lines,
+    left: Float[Array, ""],
+) -> ResponseFit:
     excess = jnp.maximum(1.0, (1.0 - 2.0 / freedom) * cost / (2 * lines.omega.size - 3))
     stderr = scale * jnp.sqrt(wider * excess * jnp.diagonal(inverse(normal)))
     order = np.array([2, 0, 1])

@@ -34,7 +34,7 @@ class Design(eqx.Module):
 
 
 class Study(eqx.Module):
-    """What came out of a study.
+    """The results of a study.
 
     **Attributes:**
 
@@ -143,7 +143,14 @@ def run_study(
     )
 
 
-def _plan(design: Design) -> dict[str, tuple[Mapping[str, Any], int]]:
+Plan = dict[str, tuple[Mapping[str, Any], int]]
+"""Every run as (case, seed), by the text that stands for it on disk."""
+
+Outcome = tuple[str, dict[str, float], Exception | None]
+"""A run's text, its numbers, and what it raised instead."""
+
+
+def _plan(design: Design) -> Plan:
     """Every run as (case, seed), by the text that stands for it on disk."""
     function = f"{design.function.__module__}.{design.function.__qualname__}"
     plan = {}
@@ -166,7 +173,7 @@ def _call(function: Callable[..., Mapping[str, Any]], case: Mapping[str, Any], s
     return {name: float(value) for name, value in function(seed=seed, **case).items()}
 
 
-def _in_turn(design, plan, waiting) -> Iterator[tuple[str, dict[str, float], Exception | None]]:
+def _in_turn(design: Design, plan: Plan, waiting: list[str]) -> Iterator[Outcome]:
     for key in waiting:
         try:
             result, error = _call(design.function, *plan[key]), None
@@ -175,7 +182,7 @@ def _in_turn(design, plan, waiting) -> Iterator[tuple[str, dict[str, float], Exc
         yield key, result, error
 
 
-def _on(executor, design, plan, waiting) -> Iterator[tuple[str, dict[str, float], Exception | None]]:
+def _on(executor: Executor, design: Design, plan: Plan, waiting: list[str]) -> Iterator[Outcome]:
     futures = {executor.submit(_call, design.function, *plan[key]): key for key in waiting}
     try:
         for future in as_completed(futures):
@@ -217,7 +224,7 @@ def _finished(path: Path) -> dict[str, dict[str, float]]:
             found[_text(entry["run"])] = result
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
-                "this is not a finished run",
+                "the line is not a finished run",
                 file=path,
                 place=f"line {number}",
                 cure="Remove the line, or give another `out`.",

@@ -52,8 +52,8 @@ def test_the_case_file_has_the_form_of_the_contract(case):
     assert plant["motor_constant"] == 16.0
     assert plant["encoder_step"] > 0.0
     assert "inertia" not in plant
-    told = {Path(r["file"]).stem: (r["role"], r["loop"]) for r in description["recording"]}
-    assert told == RECORDINGS
+    reported = {Path(r["file"]).stem: (r["role"], r["loop"]) for r in description["recording"]}
+    assert reported == RECORDINGS
     starts = [r["start_time"] for r in description["recording"]]
     lengths = [_read(folder, name)[0].size / 2000.0 for name in RECORDINGS]
     assert all(a + n < b for a, n, b in zip(starts[:-1], lengths[:-1], starts[1:], strict=True))
@@ -107,13 +107,13 @@ def test_only_the_sealed_folder_tells_the_truth(case, tmp_path):
 
 def test_the_same_seed_writes_the_same_files(case, tmp_path):
     folder, _ = case
-    told = []
-    write_demo_case(tmp_path / "again", progress=lambda stage, fraction: told.append((stage, fraction)))
+    reported = []
+    write_demo_case(tmp_path / "again", progress=lambda stage, fraction: reported.append((stage, fraction)))
     write_demo_case(tmp_path / "other", seed=7)
     for name in [*(f"{name}.csv" for name in RECORDINGS), "case.toml", "sealed/truth.json"]:
         assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
     assert (tmp_path / "other" / "moves.csv").read_bytes() != (folder / "moves.csv").read_bytes()
-    fractions = [fraction for _, fraction in told]
+    fractions = [fraction for _, fraction in reported]
     assert fractions == sorted(fractions)
     assert (fractions[0], fractions[-1]) == (0.0, 1.0)
 
@@ -125,7 +125,7 @@ def test_float32_is_refused(tmp_path):
 
 
 def test_the_demo_knows_nothing_of_the_package():
-    """Reality leans on no model: of frictionjax it imports its own files and how progress is told."""
+    """Reality leans on no model: of frictionjax it imports its own files and the protocol of progress."""
     for path in Path(frictionjax.demo.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = []

@@ -24,7 +24,7 @@ def by_name(found):
 
 
 def test_sliding_does_not_split_load_and_asymmetry_but_with_presliding_it_does():
-    """To one side only, a load is a larger Coulomb friction; to and fro, it needs what presliding tells as well."""
+    """To one side only, a load is a larger Coulomb friction; to and fro, it needs presliding data as well."""
     given = {
         "one way": INPUTS[SLIDING],
         "to and fro": SWING,
@@ -131,7 +131,7 @@ def test_the_test_rejects_the_wrong_model_as_often_as_it_says():
 
 
 def test_forms_of_one_effect_limits_and_progress():
-    told = []
+    reported = []
     given = {"presliding": INPUTS[PRESLIDING], "swing": SWING, "sliding": INPUTS[SLIDING]}
     viscous = effect("ViscousAsymmetry", viscous=0.2)
     found = rank_for_discrimination(
@@ -139,7 +139,7 @@ def test_forms_of_one_effect_limits_and_progress():
         limits={"v": 1.0, "x": 0.05},
         v0=[0.0, 0.0, V0[SLIDING]],
         refit_steps=2,
-        progress=lambda *what: told.append(what),
+        progress=lambda *what: reported.append(what),
     )
     assert found.models == (
         "direction_asymmetry (DirectionAsymmetry)",
@@ -149,7 +149,7 @@ def test_forms_of_one_effect_limits_and_progress():
         0
     ].sentence
     assert found.best.name == "swing" and len(found.entries) == 2
-    assert [round(fraction, 2) for _, fraction in told] == [0.33, 0.67, 1.0]
+    assert [round(fraction, 2) for _, fraction in reported] == [0.33, 0.67, 1.0]
     assert all(one.d_prime == min(one.first_true, one.second_true) for one in found.entries)
 
 

@@ -84,11 +84,11 @@ def test_the_gradient_is_that_of_finite_differences():
 
 def test_phases_and_a_limit_of_the_peak():
     u, noise = start(ROTARY)
-    peak, told = 1.2 * float(np.max(np.abs(u))), []
+    peak, reported = 1.2 * float(np.max(np.abs(u))), []
     given = {"peak": peak, "steps": 6}
     held = optimise_multisine(ROTARY, u, RATE, noise, **given)
     moved = optimise_multisine(
-        *(ROTARY, u, RATE, noise), optimise_phases=True, progress=lambda *what: told.append(what), **given
+        *(ROTARY, u, RATE, noise), optimise_phases=True, progress=lambda *what: reported.append(what), **given
     )
     for found in (held, moved):
         assert np.max(np.abs(found.u)) == pytest.approx(peak, rel=1e-12) == found.peaks["u"]
@@ -98,9 +98,9 @@ def test_phases_and_a_limit_of_the_peak():
     np.testing.assert_allclose(held.phases, lines_of(u)[2], atol=1e-9)
     assert moved.before == held.before < held.after < moved.after
     assert (
-        told[0] == ("multisine: compiling", 0.0)
-        and told[-1][1] <= 1.0
-        and told[2][0] == "multisine: step 1 of 12"
+        reported[0] == ("multisine: compiling", 0.0)
+        and reported[-1][1] <= 1.0
+        and reported[2][0] == "multisine: step 1 of 12"
     )
 
 

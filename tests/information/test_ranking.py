@@ -135,23 +135,25 @@ def test_strengths_and_words():
     drive = ROTARY.with_effects(effect("ConstantLoad"))
     found = rank_experiments(drive, given, RATE, noise, v0=v0, criterion="A", of=["load", "sigma2"])
     assert found.entries[-1].sentence.startswith("presliding lowers the mean variance of load, sigma2 by ")
-    assert " force; not held: sigma2." in found.entries[-1].sentence
+    assert " force; not identifiable: sigma2." in found.entries[-1].sentence
     every = rank_experiments(drive, given, RATE, noise, v0=v0)
     sliding = next(one for one in every.entries if one.name == "sliding")
     assert "nats; least standard deviations: J to " in sliding.sentence and "sigma0" in sliding.sentence
     assert np.isinf(sliding.std["sigma0"])
 
 
-def test_other_numbers_compile_nothing_and_progress_is_told():
+def test_other_numbers_compile_nothing_and_progress_is_reported():
     given, v0, noise = candidates(ROTARY)
     rank_experiments(ROTARY, given, RATE, noise, v0=v0)
-    before, told = fisher._information._cached._cache_size(), []
+    before, reported = fisher._information._cached._cache_size(), []
     drive = PLANTS["stage"]
     given, v0, noise = candidates(drive)
     given["more"] = np.asarray(prbs(jax.random.key(7), N, RATE, 300.0, 0.01))
-    rank_experiments(drive, given, RATE, noise, v0=[*v0, 0.0], progress=lambda *what: told.append(what))
+    rank_experiments(drive, given, RATE, noise, v0=[*v0, 0.0], progress=lambda *what: reported.append(what))
     assert fisher._information._cached._cache_size() == before
-    assert [fraction for _, fraction in told] == [0.25, 0.5, 0.75, 1.0] and "'sliding'" in told[SLIDING][0]
+    assert [fraction for _, fraction in reported] == [0.25, 0.5, 0.75, 1.0] and "'sliding'" in reported[
+        SLIDING
+    ][0]
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_a_folded_sine_is_one_period_without_its_drift():
 
 
 def test_levels_without_the_papers_are_refused():
-    with pytest.raises(InputError, match=r"must hold the paper's 0\.01 V"):
+    with pytest.raises(InputError, match=r"must contain the paper's 0\.01 V"):
         identify([Twin()], levels=(0.001, 0.002, 0.003))
 
 
@@ -152,7 +152,7 @@ def test_every_figure_is_drawn_with_units_on_its_axes(paper, tmp_path):
     assert json.loads((tmp_path / "new" / "tables.json").read_text(encoding="utf-8"))["schema"]
 
 
-def test_a_comparison_is_drawn_and_told(paper, tmp_path):
+def test_a_comparison_is_drawn_and_summarised(paper, tmp_path):
     rng, shape = np.random.default_rng(0), (4, 3, 20, 7)
     noise, truth = np.array([1e-9, 1e-8, 1e-7]), np.array([1.0, 1e5, 316.0, 0.4, 1.0, 1.5, 1e-3])
     stderr = 1e6 * noise[None, :, None, None] * truth * np.ones(shape)
@@ -201,7 +201,7 @@ def test_a_comparison_in_another_thread_is_waited_for(monkeypatch):
     assert ("comparing estimators", pytest.approx(0.8)) in heard
 
 
-def test_what_goes_wrong_in_another_thread_is_told(monkeypatch):
+def test_an_error_in_another_thread_is_raised(monkeypatch):
     def compare(**_):
         raise InputError("`draws` is 1")
 
@@ -244,23 +244,23 @@ def test_the_program_writes_and_tells(paper, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("frictionjax.paper.experiments.reproduce", stub)
     monkeypatch.setattr("frictionjax.paper.figures.write_paper", write)
     assert main(["paper", "--out", str(tmp_path / "out"), "--seed", "3"]) == 0
-    told = capsys.readouterr()
+    printed = capsys.readouterr()
     assert asked == {"quick": False, "seed": 3}
-    assert told.err.splitlines() == ["presliding loop (Fig. 2) ...", "drawing ..."]
-    assert str(tmp_path / "out" / "tables.json") in told.out
+    assert printed.err.splitlines() == ["presliding loop (Fig. 2) ...", "drawing ..."]
+    assert str(tmp_path / "out" / "tables.json") in printed.out
 
 
 def test_the_program_diagnoses_when_asked(paper, tmp_path, capsys, monkeypatch):
-    told = fake_diagnosis(n=200)
-    explained = (Explained(twin=Twin(name="creep"), answer="creep", diagnosis=told),)
+    diagnosis = fake_diagnosis(n=200)
+    explained = (Explained(twin=Twin(name="creep"), answer="creep", diagnosis=diagnosis),)
     monkeypatch.setattr("frictionjax.paper.experiments.reproduce", lambda **_: paper)
     monkeypatch.setattr("frictionjax.paper.experiments.explain", lambda *, seed, progress: explained)
     monkeypatch.setattr("frictionjax.paper.figures.write.save", lambda figure, file: None)
     assert main(["paper", "--quick", "--diagnose", "--out", str(tmp_path)]) == 0
-    assert f"creep              {told.missing[0].effect}" in capsys.readouterr().out
+    assert f"creep              {diagnosis.missing[0].effect}" in capsys.readouterr().out
     found = json.loads((tmp_path / "tables.json").read_text(encoding="utf-8"))["diagnoses"]["creep"]
     assert found["truth"] == "creep"
-    assert found["named"] == [missing.effect for missing in told.missing]
+    assert found["named"] == [missing.effect for missing in diagnosis.missing]
     assert found["right"] is (found["named"][0] == "creep")
 
 

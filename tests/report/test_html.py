@@ -89,7 +89,7 @@ def test_pictures_are_png_at_twice_the_density_with_words_for_those_who_cannot_s
         assert opacity.max() > 250
 
 
-def test_the_recording_kept_aside_comes_first(page):
+def test_the_held_out_recording_comes_first(page):
     assert page.visible.index("holdout_stick") < page.visible.index("noise_small")
     assert [attrs["alt"].split(",")[0] for attrs in page.images[::2]][:3] == [
         "holdout_stick",
@@ -103,7 +103,7 @@ def test_an_adequate_case_has_no_extended_model_and_no_empty_sections():
     assert page.visible.startswith("The base model explains these recordings to the noise.")
     assert "Adequate" in page.visible
     assert "extended" not in page.visible
-    assert "No recording was kept aside" in page.visible
+    assert "No recording was held out" in page.visible
     assert "What is missing" not in page.visible
     assert "the model fits worst" in page.visible
     assert "Candidates" not in page.visible
@@ -136,21 +136,18 @@ def test_an_imposed_motion_is_judged_in_force_units():
     assert "nrad" not in page.visible
 
 
-def test_bins_that_may_be_chance_are_grey(page):
+def test_bins_that_are_not_significant_are_grey(page):
     """Only those whose p-value, corrected for the whole map, is known to be no less than 5 %."""
     body = Mismatch().body(fake_diagnosis(n=600))
     grey = [row for row in body.split("<tr ") if row.startswith('class="chance"')]
     assert len(grey) == 1
     assert "after rests below 10 ms" in grey[0]
-    assert "Bins in grey may be chance" in page.visible
-    assert "may be chance" not in Mismatch().body(replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS))
+    assert "Grey bins are not significant (family-wise p > 0.05)." in page.visible
+    assert "Grey bins" not in Mismatch().body(replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS))
 
 
-def test_what_holds_the_excess_is_said(page):
-    assert (
-        "Only after rests longer than 0.3 s : of what happens in presliding, this part holds 97 %"
-        in page.visible
-    )
+def test_the_part_with_the_excess_is_said(page):
+    assert "Only after rests longer than 0.3 s : in presliding, this part has 97 %" in page.visible
     assert '<ul class="within">' not in Mismatch().body(replace(fake_diagnosis(n=600), within=()))
 
 
@@ -174,12 +171,12 @@ def test_unexplained_physics_is_said():
     assert "43 %" in body
     assert "one spot of the stroke" in body
     page = Page(render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained)))
-    assert "The extended model holds what could be named, and nothing else" in page.visible
-    assert "more is missing than the effect named" in page.visible
+    assert "The extended model has the named effects only" in page.visible
+    assert "an effect is named, but no effect of the catalogue explains the rest" in page.visible
     nothing = Page(
         render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained, missing=()))
     )
-    assert "something is missing that no listed effect explains" in nothing.visible
+    assert "physics is missing that no effect of the catalogue explains" in nothing.visible
 
 
 def test_the_place_of_the_mismatch_is_said_once_above_the_cards():
@@ -207,7 +204,7 @@ def test_candidates_are_sorted_and_say_why():
     assert "needs a second encoder" in page.visible
 
 
-def test_a_parameter_that_the_data_do_not_hold_is_said_in_words():
+def test_a_parameter_that_the_data_do_not_determine_is_said_in_words():
     body = Page(Parameters().body(fake_diagnosis(n=10))).visible
     assert "not determined by these recordings" in body
     assert "1814.0 ± 1.9" in body
@@ -245,9 +242,7 @@ def test_beyond_the_first_recordings_only_a_count_is_given(monkeypatch):
 
 
 def test_an_unknown_motor_constant_is_said():
-    assert (
-        "every force is per input unit" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
-    )
+    assert "forces are in input units" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
 
 
 @pytest.mark.parametrize("draw", [comparison, residual])

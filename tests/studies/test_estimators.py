@@ -111,18 +111,18 @@ def test_normal_equations_agree_with_finite_differences():
 
 @pytest.mark.parametrize("threads", [0, 2])
 def test_parts_come_back_in_order_whoever_works(threads):
-    told, widths = [], []
+    reported, widths = [], []
 
     def double(lanes):
         widths.append(lanes.size)
         return 2 * lanes
 
     pool = ThreadPoolExecutor(threads) if threads else None
-    out, seconds = stage.in_parts(double, jnp.arange(7), 3, pool, told.append)
+    out, seconds = stage.in_parts(double, jnp.arange(7), 3, pool, reported.append)
     if pool:
         pool.shutdown()
     np.testing.assert_array_equal(out, 2 * np.arange(7))
-    assert widths == [3, 3, 3] and told == pytest.approx([1 / 3, 2 / 3, 1.0]) and seconds > 0.0
+    assert widths == [3, 3, 3] and reported == pytest.approx([1 / 3, 2 / 3, 1.0]) and seconds > 0.0
 
 
 @pytest.mark.parametrize("bad", [{"draws": 1}, {"levels": (0.0,)}, {"levels": ()}, {"excitation": -0.1}])

@@ -79,13 +79,13 @@ def test_the_noise_ends_at_its_bandwidth_and_has_its_rms(getkey, is_binary):
 
 def test_parts_and_motor_constants_change_nothing(monkeypatch):
     settings = {"levels": [0.05, 0.3], "seeds": 2, "averages": 2}
-    told = []
-    whole = level_sweep(**settings, progress=lambda stage, part: told.append(part))
-    assert told == [1.0]
+    reported = []
+    whole = level_sweep(**settings, progress=lambda stage, part: reported.append(part))
+    assert reported == [1.0]
     monkeypatch.setattr(MODULE, "CHUNK", 3)
     by_volts = type(TABLE_I)(TABLE_I.J, TABLE_I.friction, 16.0)
-    parts = level_sweep(by_volts, **settings, progress=lambda stage, part: told.append(part))
-    assert told == pytest.approx([1.0, 1 / 3, 2 / 3, 1.0])
+    parts = level_sweep(by_volts, **settings, progress=lambda stage, part: reported.append(part))
+    assert reported == pytest.approx([1.0, 1 / 3, 2 / 3, 1.0])
     for name in ("stiffness", "low_frequency_stiffness", "damping", "inertia", "coherence"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-6)
 
@@ -100,7 +100,7 @@ def test_table_one_is_the_paper_s():
         ({"levels": [0.0, 0.1]}, "`levels` must be positive"),
         ({"seeds": 1}, r"`seeds` is 1.*one record has no spread"),
         ({"averages": 1}, "`averages` is 1"),
-        ({"low_band": (3.0, 3.5)}, r"`low_band` from 3.0 to 3.5 Hz holds 0 bins\. Widen it"),
+        ({"low_band": (3.0, 3.5)}, r"`low_band` from 3.0 to 3.5 Hz contains 0 bins\. Widen it"),
     ],
 )
 def test_bad_settings_get_a_sentence(arguments, sentence):

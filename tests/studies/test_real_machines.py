@@ -86,7 +86,7 @@ def test_a_log_of_the_servo_becomes_volts_at_one_rate(tmp_path):
     np.testing.assert_allclose(run.x, 0.1 * np.sin(100.0 + np.arange(run.x.size) / 188.0), atol=1e-5)
 
 
-def test_a_load_behind_a_spring_is_told_from_a_stiff_shaft():
+def test_a_load_behind_a_spring_is_distinguished_from_a_stiff_shaft():
     """Speeds made by the transfer function itself, solved from both equations line by line, and by a stiff shaft."""
     count, lines = 2500, np.arange(11, 250)
     p, circular = 2j * np.pi * lines, 2.0 * np.pi * 54.0

@@ -1,4 +1,4 @@
-"""`run_study`: the same numbers whoever runs it, resumed from disk, failures told."""
+"""`run_study`: the same numbers whoever runs it, resumed from disk, failures reported."""
 
 import json
 import math
@@ -82,7 +82,7 @@ def test_a_value_that_is_not_finite_survives_the_disk(tmp_path):
 
 
 @pytest.mark.parametrize("threads", [0, 2])
-def test_a_run_that_fails_is_told_and_the_others_go_on(threads, tmp_path):
+def test_a_run_that_fails_is_reported_and_the_others_go_on(threads, tmp_path):
     design, out = Design(fragile, grid(gain=(1.0, 2.0)), seeds=3), tmp_path / "runs.jsonl"
     if threads:
         with ThreadPoolExecutor(threads) as pool:
@@ -103,12 +103,12 @@ def test_when_every_run_fails_the_error_is_raised():
 
 
 def test_progress_reaches_one():
-    told = []
+    reported = []
     run_study(
         Design(draw, grid(gain=(1.0, 2.0)), seeds=2),
-        progress=lambda stage, fraction: told.append((stage, fraction)),
+        progress=lambda stage, fraction: reported.append((stage, fraction)),
     )
-    assert told == [("runs", 0.25), ("runs", 0.5), ("runs", 0.75), ("runs", 1.0)]
+    assert reported == [("runs", 0.25), ("runs", 0.5), ("runs", 0.75), ("runs", 1.0)]
 
 
 def test_bad_designs_and_files_get_a_sentence(tmp_path):

@@ -1,4 +1,4 @@
-"""Hensen, van de Molengraft, Steinbuch (2002), experiment by experiment, on synthetic machines of ours."""
+"""Hensen, van de Molengraft, Steinbuch (2002), experiment by experiment, on simulated machines."""
 
 from frictionjax.paper.experiments.identification import BAND as BAND
 from frictionjax.paper.experiments.identification import LEVELS as LEVELS

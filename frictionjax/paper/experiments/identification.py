@@ -27,7 +27,7 @@ _UNITS = {"force": "N*m", "position": "rad"}
 
 
 class Identified(eqx.Module):
-    """What frequency responses tell of one twin.
+    """Parameters of one twin from its frequency responses.
 
     **Attributes:**
 
@@ -37,7 +37,7 @@ class Identified(eqx.Module):
     - `fits`: the second-order system with a delay, fitted up to 150 Hz, at each level.
     - `without_delay`: the same fit without a delay, as the paper describes it, at each level.
     - `paper`: which level is the paper's.
-    - `zero_amplitude`: what the stiffness tends to as the level vanishes.
+    - `zero_amplitude`: the stiffness extrapolated to a level of zero.
     """
 
     twin: Twin
@@ -70,7 +70,7 @@ def identify(
     - `levels`: rms of the noise, V, ascending; 0.01, the paper's, must be one of them, and three are needed.
     - `averages`: number of segments in an average; the paper's is 50.
     - `seed`: of the noise; the same sequence is applied to every machine, an independent one at every level.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** an `Identified` for each machine.
 
@@ -79,8 +79,8 @@ def identify(
     machines = twins() if machines is None else tuple(machines)
     if PAPER_LEVEL not in levels or len(levels) < 3:
         raise InputError(
-            f"`levels` = {tuple(levels)} must hold the paper's {PAPER_LEVEL} V and three values or more",
-            cure="Add some below it, such as 0.0025 and 0.005.",
+            f"`levels` = {tuple(levels)} must contain the paper's {PAPER_LEVEL} V and at least three values",
+            cure="Add lower ones, such as 0.0025 and 0.005.",
         )
     n = SEGMENT + (averages - 1) * (SEGMENT // 2)
     progress("measuring frequency responses of the twins", 0.0)

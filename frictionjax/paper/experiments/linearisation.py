@@ -11,14 +11,14 @@ from frictionjax.studies.level_sweep import table_one
 
 
 class Linearised(eqx.Module):
-    """The linearised drive at the zero state, and the ends of its generalized Jacobian elsewhere.
+    """The linearised drive at the zero state, and the extremes of its generalized Jacobian elsewhere.
 
     **Attributes:**
 
     - `stiffness`, `damping`: at the zero state, force per position unit and force s per position unit.
     - `natural_frequency`, `damping_ratio`: of (3) at the zero state, Hz and 1.
     - `unique_at_rest`: whether left and right Jacobian coincide at the zero state.
-    - `bend`: deflections at which the ends were computed, over the break-away deflection `Fs / sigma0`, shape `(k,)`.
+    - `bend`: deflections at which the extremes were computed, over break-away, `Fs / sigma0`, shape `(k,)`.
     - `stiffness_left`, `stiffness_right`: stiffness felt by a motion to the left and to the right, shape `(k,)`.
     - `damping_left`, `damping_right`: the damping, shape `(k,)`.
     """
@@ -57,15 +57,20 @@ def linearised(drive: Drive | None = None, *, points: int = 41) -> Linearised:
     bent = jnp.asarray(bend) * (drive.friction.Fs / drive.friction.sigma0)
     # The zero state is the first of the batch: one compilation for all.
     every = _at(drive, jnp.concatenate([jnp.zeros(1), bent]))
-    zero, ends = (jax.tree.map(lambda part, i=i: part[i], every) for i in (0, slice(1, None)))
+    zero, extremes = (jax.tree.map(lambda part, i=i: part[i], every) for i in (0, slice(1, None)))
     J = float(drive.J)
 
-    def felt(matrices):
+    def felt(
+        matrices: Float[Array | np.ndarray, "k 3 3"],
+    ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
         """Stiffness: what v adds to z (row 3), times what z takes from the force (row 2). Damping: row 2 itself."""
         matrices = np.asarray(matrices)
         return -J * matrices[:, 1, 2] * matrices[:, 2, 1], -J * matrices[:, 1, 1]
 
-    (stiffness_left, damping_left), (stiffness_right, damping_right) = felt(ends.left), felt(ends.right)
+    (stiffness_left, damping_left), (stiffness_right, damping_right) = (
+        felt(extremes.left),
+        felt(extremes.right),
+    )
     return Linearised(
         stiffness=float(zero.stiffness),
         damping=float(zero.damping),

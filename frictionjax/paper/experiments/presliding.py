@@ -65,7 +65,7 @@ def presliding(
 
     **Returns:** the `Presliding`.
 
-    **Raises:** `InputError` when `drive` has effects, for which the closed forms do not hold; `PrecisionError` unless
+    **Raises:** `InputError` when `drive` has effects, for which the closed forms are not valid; `PrecisionError` unless
         JAX computes in float64.
     """
     drive = table_one() if drive is None else drive

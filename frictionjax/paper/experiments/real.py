@@ -18,9 +18,9 @@ FILES = ("MultisineTypeB.mat", "MultisineTypeA.mat")
 RATE, PERIOD = 2500.0, 2500
 LINES = tuple(range(13, 250, 4))  # Hz, as a period is a second
 SEARCH = (30.0, 120.0)  # Hz
-TRANSIENT = 2  # periods left out, as in the published look at these recordings
+TRANSIENT = 2  # periods left out, as in the published analysis of these recordings
 PUBLISHED = {"odd": 12.0, "even": 6.0, "antiresonance": 50.0, "resonance": 70.0}
-"""A published look at the recording: distortion over noise, and Hz."""
+"""A published analysis of the recording: distortion over noise, and frequencies in Hz."""
 
 
 class MotorBench(eqx.Module):
@@ -46,7 +46,7 @@ def motor_bench(folder: str | Path) -> MotorBench:
 
     **Arguments:**
 
-    - `folder`: holds `FILES`.
+    - `folder`: where `FILES` are.
 
     **Returns:** the `MotorBench`.
 
@@ -58,7 +58,7 @@ def motor_bench(folder: str | Path) -> MotorBench:
             raise InputError(
                 f"there is no {name}",
                 file=folder,
-                cure="Give the folder that holds the multisine recordings of the motor bench.",
+                cure="Give the folder of the multisine recordings of the motor bench.",
             )
     odd, full = (str(folder / name) for name in FILES)
     columns = {"u": "iq_adx", "x": "theta_mx", "v": "omega_max"}

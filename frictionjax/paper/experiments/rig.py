@@ -1,4 +1,4 @@
-"""A rotating arm of the kind of the paper's Fig. 3, with a code of its own, so that no answer leans on our models.
+"""A rotating arm like that of the paper's Fig. 3. Its code shares nothing with the models that are fitted to it.
 
 What the paper says of its rig is kept: 10 kHz, 16 N m/V, a gear of 8.192, a static friction of 0.0389 V, a second-order
 answer up to 150 Hz and more above it. Its Tables II and III and its estimates are lost: all other values are ours.
@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Real
 
 from frictionjax.core import InputError, require_x64
 
@@ -24,7 +24,7 @@ _SUBSTITUTIONS = 3
 
 
 class Twin(eqx.Module):
-    """A motor with friction and an encoder, and behind its gear a spring and the arm; all as seen at the arm.
+    """A motor with friction and an encoder, and behind its gear a spring and the arm; all referred to the arm.
 
     The friction torque at the motor is that of a bristle, a share of which may be replaced by parallel springs that
     each slip at a limit of their own (hysteresis with non-local memory). The bristle may soften as it bends, and the
@@ -96,7 +96,7 @@ class Twin(eqx.Module):
 
 
 def twins() -> tuple[Twin, ...]:
-    """The four machines of the study: a LuGre arm, and one for each thing that the paper suspects; numbers are ours."""
+    """The four machines of the study: a LuGre arm, and one for each cause that the paper suspects."""
     return (
         Twin(name="LuGre"),
         Twin(name="non-local memory", share=0.8),
@@ -120,7 +120,21 @@ class Measured(eqx.Module):
     true_x: Float[np.ndarray, "n runs"]
 
 
-def _friction(p, memory, v, w, h):
+Numbers = dict[str, Float[Array, " runs"] | Float[Array, "elements runs"]]
+"""The numbers of the twins by name; of `limits` a row for each spring."""
+
+Memory = tuple[Float[Array, "elements runs"], Float[Array, " runs"], Float[Array, " runs"]]
+"""Forces of the springs, deflection of the bristle, and how far the contact has crept."""
+
+State = tuple[
+    Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"], Memory
+]
+"""Angle and velocity of the motor, of the arm, and the memory of the contact."""
+
+
+def _friction(
+    p: Numbers, memory: Memory, v: Float[Array, " runs"], w: Float[Array, " runs"], h: Float[Array, ""]
+) -> tuple[Float[Array, " runs"], Memory]:
     """Mean torque of the friction over a step of `h` s at the mean velocity `w`, and the memory after it.
 
     A slipping spring is carried by its displacement and cut at its limit, which is exact however far it moves. The
@@ -129,7 +143,7 @@ def _friction(p, memory, v, w, h):
     springs, z, crept = memory
     level = p["Fc"] + (p["Fs"] - p["Fc"]) * jnp.exp(-((w / p["vs"]) ** 2))
 
-    def soft(bend):
+    def soft(bend: Float[Array, " runs"]) -> Float[Array, " runs"]:
         return 1.0 / (1.0 + p["softening"] * (bend * p["sigma0"] / p["Fs"]) ** 2)
 
     elastic = jnp.sum(springs, axis=0) + (1.0 - p["share"]) * p["sigma0"] * z * soft(z)
@@ -154,11 +168,13 @@ def _friction(p, memory, v, w, h):
     return torque, (new_springs, new_z, crept + h * creeping)
 
 
-def _step(state, torque, p, h):
-    """One step by the trapezoidal rule; mean velocities come by substitution, which gains two decimals a pass."""
+def _step(state: State, torque: Float[Array, " runs"], p: Numbers, h: Float[Array, ""]) -> State:
+    """One step by the trapezoidal rule; mean velocities are found by substitution, which gains two decimals a pass."""
     motor, motor_v, arm, arm_v, memory = state
 
-    def torques(w, arm_w):
+    def torques(
+        w: Float[Array, " runs"], arm_w: Float[Array, " runs"]
+    ) -> tuple[Float[Array, " runs"], Float[Array, " runs"], Memory]:
         twist = motor - arm + 0.5 * h * (w - arm_w)
         through = p["spring"] * twist + p["damper"] * (w - arm_w)
         friction, after = _friction(p, memory, motor_v, w, h)
@@ -179,20 +195,33 @@ def _step(state, torque, p, h):
 
 
 @partial(jax.jit, static_argnames="substeps")
-def _scan(p, volts, reference, noise, sample_rate, substeps):
+def _scan(
+    p: Numbers,
+    volts: Float[Array, "n runs"],
+    reference: Float[Array, "n runs"],
+    noise: Float[Array, "n runs"],
+    sample_rate: Float[Array, ""],
+    substeps: int,
+) -> tuple[Float[Array, "n runs"], Float[Array, "n runs"], Float[Array, "n runs"]]:
     h = 1.0 / (sample_rate * substeps)
 
-    def sample(carry, inputs):
+    def sample(
+        carry: tuple[State, Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"]],
+        inputs: tuple[Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"]],
+    ) -> tuple[
+        tuple[State, Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"]],
+        tuple[Float[Array, " runs"], Float[Array, " runs"], Float[Array, " runs"]],
+    ]:
         state, error, slope, waiting = carry
         volt, target, disturbance = inputs
-        seen = jnp.round(state[0] / p["encoder_step"] + disturbance) * p["encoder_step"]
-        # The controller's derivative is filtered at 200 Hz: bare differences of encoder counts would only rattle.
+        measured = jnp.round(state[0] / p["encoder_step"] + disturbance) * p["encoder_step"]
+        # The controller's derivative is filtered at 200 Hz: raw differences of encoder counts are too noisy.
         blend = 1.0 - jnp.exp(-2.0 * jnp.pi * 200.0 / sample_rate)
-        slope = slope + blend * ((target - seen - error) * sample_rate - slope)
-        u = volt + p["kp"] * (target - seen) + p["kd"] * slope
+        slope = slope + blend * ((target - measured - error) * sample_rate - slope)
+        u = volt + p["kp"] * (target - measured) + p["kd"] * slope
         torque = p["motor_constant"] * jnp.where(p["delay"] > 0, waiting, u)
         after = jax.lax.fori_loop(0, substeps, lambda _, s: _step(s, torque, p, h), state)
-        return (after, target - seen, slope, u), (u, seen, state[0])
+        return (after, target - measured, slope, u), (u, measured, state[0])
 
     rest = jnp.zeros(volts.shape[1])
     memory = (jnp.zeros((p["limits"].shape[0], volts.shape[1])), rest, rest)
@@ -203,10 +232,10 @@ def _scan(p, volts, reference, noise, sample_rate, substeps):
 
 def measure(
     twins: Sequence[Twin],
-    volts: ArrayLike,
+    volts: Real[ArrayLike, "..."],
     *,
     seed: int = 0,
-    reference: ArrayLike | None = None,
+    reference: Real[ArrayLike, "n runs"] | None = None,
     bandwidth: float = 0.0,
     sample_rate: float = SAMPLE_RATE,
     substeps: int = 3,
@@ -216,7 +245,7 @@ def measure(
     **Arguments:**
 
     - `twins`: the machine of each run.
-    - `volts`: voltage that is applied in any case, V, shape `(n, runs)`.
+    - `volts`: input voltage, to which a controller adds, V, shape `(n, runs)`.
     - `seed`: of the encoders' noise.
     - `reference`: angle for a controller to follow, rad, shape `(n, runs)`; an open loop without it.
     - `bandwidth`: of that controller, Hz.

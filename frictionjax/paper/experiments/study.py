@@ -59,10 +59,10 @@ def reproduce(
 
     **Arguments:**
 
-    - `quick`: fewer levels, seeds, averages and draws: a look in a fraction of the time, whose numbers are coarser.
+    - `quick`: fewer levels, seeds, averages and draws: a fraction of the time, less accurate numbers.
     - `draws`: of the comparison at each of its noise levels; 0 leaves it out. By default 500, or 0 if `quick`.
     - `seed`: of all noise.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** the `Paper`.
 
@@ -94,7 +94,7 @@ def reproduce(
 
 
 class _Reached:
-    """How far work in another thread has come: the terminal hears of it from this one."""
+    """Progress of the work in another thread, passed on to the terminal by this thread."""
 
     def __init__(self) -> None:
         self.fraction = 0.0
@@ -112,9 +112,9 @@ def _experiments(quick: bool, seed: int, progress: Progress, part: float) -> Pap
             progress(what, part * (start + (stop - start) * fraction))
 
         inner(what, 0.0)
-        begun = time.perf_counter()
+        started = time.perf_counter()
         result = work(inner)
-        seconds[name] = time.perf_counter() - begun
+        seconds[name] = time.perf_counter() - started
         inner(what, 1.0)
         return result
 
@@ -128,20 +128,20 @@ def _experiments(quick: bool, seed: int, progress: Progress, part: float) -> Pap
         "responses of the twins (Fig. 4)",
         0.08,
         0.3,
-        lambda tell: identify(levels=levels, averages=averages, seed=seed, progress=tell),
+        lambda report: identify(levels=levels, averages=averages, seed=seed, progress=report),
     )
     valid = timed(
         "fig5_fig6",
         "break-away and sines (Fig. 5, 6)",
         0.3,
         0.4,
-        lambda tell: validate(found, progress=tell),
+        lambda report: validate(found, progress=report),
     )
     sweep = timed(
         "table3",
         "stiffness against level (Table III)",
         0.4,
         1.0,
-        lambda tell: level_sweep(seed=seed, progress=tell, **fewer),
+        lambda report: level_sweep(seed=seed, progress=report, **fewer),
     )
     return Paper(slow, linear, sweep, found, valid, seconds, None)

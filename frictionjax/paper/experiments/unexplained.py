@@ -1,4 +1,4 @@
-"""The question that the paper leaves open, put to `diagnose`: what makes a machine move further than LuGre?"""
+"""The question that the paper leaves open, answered by `diagnose`: why does a machine move further than LuGre?"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ ANSWERS = {
     "creep": "creep",
     "softening bristle": "nonlinear_bristle",
 }
-"""What is missing in a LuGre model of each twin, in the words of the catalogue; None for nothing."""
+"""The effect that a LuGre model of each twin lacks, by its name in the catalogue; None for nothing."""
 
 
 def rigid(twin: Twin) -> Twin:
@@ -31,10 +31,10 @@ def rigid(twin: Twin) -> Twin:
 
 
 def case_of(twin: Twin, *, finer: float = FINER, seed: int = 0) -> Case:
-    """Six recordings to fit and two to keep aside, of the twin without its transmission.
+    """Six recordings to fit and two held-out ones, of the twin without its transmission.
 
     Two noises, ramps with holds, sines of several amplitudes and two frequencies, moves and a sweep under a
-    controller; kept aside are nested loops with a sine, and other moves.
+    controller; held out are nested loops with a sine, and other moves.
 
     **Arguments:**
 
@@ -86,12 +86,12 @@ def case_of(twin: Twin, *, finer: float = FINER, seed: int = 0) -> Case:
 
 
 class Explained(eqx.Module):
-    """What `diagnose` says of a twin.
+    """The diagnosis of a twin.
 
     **Attributes:**
 
     - `twin`: the machine.
-    - `answer`: what is missing in truth, in the words of the catalogue; None for nothing.
+    - `answer`: the true missing effect, by its name in the catalogue; None for nothing.
     - `diagnosis`: the result.
     """
 
@@ -106,7 +106,7 @@ class Explained(eqx.Module):
 
     @property
     def right(self) -> bool:
-        """Whether what was named first is the truth; where nothing is missing, whether nothing was named."""
+        """Whether the effect named first is the true one; where nothing is missing, whether nothing was named."""
         return (self.named[0] if self.named else None) == self.answer
 
 
@@ -119,15 +119,15 @@ def explain(
 ) -> tuple[Explained, ...]:
     """Diagnose the twins, a minute or two each.
 
-    With the encoder of the rig, creep and non-local memory are named, and the softening bristle is not: it gains too
-    little above counts of ten microradians. With one that is eight times finer, all three are.
+    With the encoder of the rig, creep and non-local memory are named, and the softening bristle is not: its effect is
+    too small at an encoder step of about 10 µrad. With one that is eight times finer, all three are.
 
     **Arguments:**
 
     - `machines`: twins whose names stand in `ANSWERS`; the three that are not LuGre when absent.
     - `finer`: how many times finer than the rig's the encoder is.
     - `seed`: of all noise.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** an `Explained` for each machine.
     """

@@ -81,13 +81,13 @@ class Validation(eqx.Module):
 def validate(identified: Sequence[Identified], *, progress: Progress = silent) -> tuple[Validation, ...]:
     """Run the experiments of Fig. 5 and 6 on each twin and compare them with LuGre and its identified parameters.
 
-    A presliding FRF holds inertia, stiffness and damping only. Viscous friction and the Stribeck curve are taken as
-    known: the paper has them from sliding experiments of an earlier study.
+    A presliding FRF determines inertia, stiffness and damping only. Viscous friction and the Stribeck curve are known:
+    the paper has them from sliding experiments of an earlier study.
 
     **Arguments:**
 
     - `identified`: from `identify`.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** a `Validation` for each machine.
     """

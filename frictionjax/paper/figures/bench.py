@@ -8,7 +8,7 @@ from frictionjax.paper.figures.sheet import BETTER, COLOURS, PAPER, TWIN, legend
 
 
 def fig_bench(found: MotorBench) -> Figure:
-    """Response of `found`, and what the motor's speed holds on excited, silent odd and silent even lines."""
+    """Response of `found`, and the motor's speed on excited, silent odd and silent even lines."""
     figure, axes = sheet(
         "A real machine  Best linear approximation of a motor bench",
         "Two inertias on a flexible coupling, random-phase odd multisine (recordings of W. Ohnishi's FdiTools, MIT). "

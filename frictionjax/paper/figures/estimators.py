@@ -22,7 +22,7 @@ def fig_estimators(found: EstimatorComparison) -> Figure:
         "The comparison  Which estimator, when",
         f"Plant of Table I, {found.converged.shape[2]} draws at each noise level. Above: bias (dotted) and standard "
         "deviation over the true value. Middle: standard deviation over the Cramer-Rao bound. Below: how often "
-        f"the 95 % interval holds the truth. {sentences} Running time: {took}.",
+        f"the 95 % interval covers the truth. {sentences} Running time: {took}.",
         size=(12.5, 6.6),
         rows=3,
         columns=len(found.parameters),
@@ -33,14 +33,14 @@ def fig_estimators(found: EstimatorComparison) -> Figure:
     bias, std, coverage = (np.asarray(part) for part in (found.bias, found.std, found.coverage))
     for e, (name, colour) in enumerate(zip(found.estimators, COLOURS, strict=False)):
         for p, truth in enumerate(found.truth):
-            error, ratio, holds = axes[:, p]
+            error, ratio, covers = axes[:, p]
             if not np.isfinite(std[e, :, p]).any():
                 continue
-            look = {"color": colour, "marker": ".", "ms": 4}
-            error.loglog(noise, std[e, :, p] / truth, lw=1.4, label=_NAMES.get(name, name), **look)
-            error.loglog(noise, np.abs(bias[e, :, p]) / truth, lw=0.8, ls=":", **look)
-            ratio.loglog(noise, std[e, :, p] / found.bound[e, :, p], lw=1.2, **look)
-            holds.semilogx(noise, coverage[e, :, p], lw=1.2, **look)
+            style = {"color": colour, "marker": ".", "ms": 4}
+            error.loglog(noise, std[e, :, p] / truth, lw=1.4, label=_NAMES.get(name, name), **style)
+            error.loglog(noise, np.abs(bias[e, :, p]) / truth, lw=0.8, ls=":", **style)
+            ratio.loglog(noise, std[e, :, p] / found.bound[e, :, p], lw=1.2, **style)
+            covers.semilogx(noise, coverage[e, :, p], lw=1.2, **style)
     for p, name in enumerate(found.parameters):
         axes[0, p].set_title(name.replace("+", " + "), loc="left", fontsize=8.5)
         axes[1, p].axhline(1.0, color="#777777", lw=0.7)

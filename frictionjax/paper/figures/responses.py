@@ -1,9 +1,11 @@
 """Fig. 4: stiffness against the level of the noise, and the measured response with its second-order fit."""
 
 import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from frictionjax.frequency import FRF
 from frictionjax.paper.experiments import BAND, PAPER_LEVEL, REFERENCE_A5, SAMPLE_RATE, Identified
 from frictionjax.paper.figures.sheet import BETTER, COLOURS, PAPER, TWIN, legend, sheet
 from frictionjax.report.format import estimate_text
@@ -139,11 +141,11 @@ def fig4b(one: Identified) -> Figure:
     return figure
 
 
-def _inside(frf):
+def _inside(frf: FRF) -> Bool[np.ndarray, " bins"]:
     frequency = np.asarray(frf.frequency)
     return (frequency >= _SHOWN[0]) & (frequency <= _SHOWN[1])
 
 
-def _degrees(response):
+def _degrees(response: Complex[Array | np.ndarray, " bins"]) -> Float[np.ndarray, " bins"]:
     """Phase in degrees between -300 and 60: noise around -180 then makes no jumps."""
     return np.mod(np.degrees(np.angle(response)) + 300.0, 360.0) - 300.0

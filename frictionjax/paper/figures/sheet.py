@@ -45,7 +45,7 @@ def sheet(
 def thin(
     x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], points: int = 1500
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Every so many samples of a curve `y` over `x`, shape `(n,)`, at most about `points`: an SVG need not hold all."""
+    """Every so many samples of a curve `y` over `x`, shape `(n,)`, at most about `points`: an SVG does not need all."""
     every = max(1, x.size // points)
     return x[::every], y[::every]
 

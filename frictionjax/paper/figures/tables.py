@@ -1,4 +1,4 @@
-"""tables.json: every number of the study beside the value that it should have, finite or null."""
+"""tables.json: every number of the study beside its reference value, finite or null."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -31,7 +31,7 @@ LOST = (
     "The slopes of the ramps of Fig. 2 and 5: ours.",
     "Whether the noise levels are rms or peak: PRBS makes them the same.",
 )
-"""What our copy of the paper does not hold, as sentences."""
+"""What is illegible or missing in our copy of the paper, as sentences."""
 
 
 def tables(

@@ -60,7 +60,7 @@ def fig2(found: Presliding) -> Figure:
 
 
 def linearisation(found: Linearised) -> Figure:
-    """Stiffness and damping at both ends of the generalized Jacobian, from `found`."""
+    """Stiffness and damping at both extremes of the generalized Jacobian, from `found`."""
     figure, axes = sheet(
         "Eq. (3), (4)  The generalized Jacobian at rest",
         "Table I. Where the bristle is straight (z = 0), left and right Jacobian are one matrix: "

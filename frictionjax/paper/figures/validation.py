@@ -1,11 +1,14 @@
 """Fig. 5 and 6: time-domain experiments on the twins against LuGre with the identified parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from frictionjax.paper.experiments import PARTS, RAMP, SINES, Validation
+from frictionjax.paper.experiments.validation import Response
 from frictionjax.paper.figures.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
 
 _COLOURS = (TWIN, PAPER, BETTER)
@@ -27,9 +30,9 @@ def fig5(found: Sequence[Validation]) -> Figure:
     )
     for (whole, small), one in zip(axes.T, found, strict=True):
         volt = 1e3 * one.ramp.u
-        for x, look in _curves(one.ramp):
-            whole.plot(*thin(one.ramp.t, 1e3 * x, 3000), **look)
-            small.plot(*thin(1e3 * x, volt, 4000), **look)
+        for x, style in _curves(one.ramp):
+            whole.plot(*thin(one.ramp.t, 1e3 * x, 3000), **style)
+            small.plot(*thin(1e3 * x, volt, 4000), **style)
         whole.set_title(one.twin.name, loc="left", fontsize=8.5)
         whole.set(xlabel="time (s)", xlim=(0.0, one.ramp.t[-1]))
         small.set(xlabel="displacement (mrad)", xlim=(0.0, 1.6), ylim=(0.0, 1e3 * one.twin.static_voltage))
@@ -49,7 +52,7 @@ def fig6(found: Sequence[Validation]) -> Figure:
         "Fig. 6  Sines in the stick regime",
         "Above u = 0.01 sin(40 pi t) V, below u = 0.035 sin(pi t) V, 90 % of the static friction (of the second, our "
         "copy lost the pi; 0.5 Hz is the likely reading). Twins are ours. Numbers: peak displacement of the twin over "
-        "that of LuGre with the stiffness at 0.01 V, and in brackets at zero amplitude. Slow drift is taken off.",
+        "that of LuGre with the stiffness at 0.01 V, and in brackets at zero amplitude. Slow drift is removed.",
         size=(10.0, 4.6),
         rows=2,
         columns=len(found),
@@ -60,8 +63,8 @@ def fig6(found: Sequence[Validation]) -> Figure:
             frequency, _, periods = SINES[name]
             response = one.small if name == "small" else one.large
             shown = response.t >= (periods - 2) / frequency
-            for x, look in _curves(response):
-                panel.plot(*thin(response.t[shown], 1e3 * (x[shown] - np.mean(x[shown]))), **look)
+            for x, style in _curves(response):
+                panel.plot(*thin(response.t[shown], 1e3 * (x[shown] - np.mean(x[shown]))), **style)
             panel.set_xlabel("time (s)")
             words = f"×{one.ratio(name):.2f} ({one.ratio(name, 'extrapolated'):.2f})"
             panel.text(0.98, 0.97, words, transform=panel.transAxes, fontsize=7.5, ha="right", va="top")
@@ -75,7 +78,7 @@ def fig6(found: Sequence[Validation]) -> Figure:
     return figure
 
 
-def _curves(response):
+def _curves(response: Response) -> Iterator[tuple[Float[np.ndarray, " n"], dict[str, Any]]]:
     """Each curve of a response and how it is drawn."""
     curves = (response.measured, response.paper, response.extrapolated)
     for x, colour, label, width in zip(curves, _COLOURS, _LABELS, (1.6, 1.1, 1.1), strict=True):

@@ -34,7 +34,7 @@ def write_paper(
     - `directory`: where to write; made if it is not there. Files of the same names are overwritten.
     - `explained`: from `explain`; may be empty.
     - `bench`: from `motor_bench`, for one more figure.
-    - `progress`: told how far the work has come.
+    - `progress`: called as the work goes on.
 
     **Returns:** the files, in the order in which they were written: for each figure its PNG, and tables.json last.
 

@@ -1,4 +1,4 @@
-"""The sections of the report, in the order in which a reader meets them."""
+"""The sections of the report, in the order of the page."""
 
 from frictionjax.report.sections.base import AbstractSection as AbstractSection
 from frictionjax.report.sections.candidates import Candidates

@@ -1,4 +1,4 @@
-"""Every effect of the catalogue, and what these recordings say of it."""
+"""Every effect of the catalogue: p-value, size, gain and outcome."""
 
 import math
 from typing import ClassVar
@@ -12,12 +12,12 @@ from frictionjax.report.sections.base import AbstractSection
 _INTRO = (
     "<b>p</b>: p-value of the model without the effect; for a named effect, with the effects named before it. "
     "<b>One step</b>: size of the effect before any refit. <b>Gain</b>: share of the mismatch that a refit with the "
-    "effect explains. <b>Detectable</b>: the smallest size that these recordings would have shown."
+    "effect explains. <b>Detectable</b>: the smallest size that these recordings would show."
 )
 
 
 class Candidates(AbstractSection):
-    """One row an effect, smallest p-value first; those that could not be tested come last, with the reason."""
+    """One row for each effect, smallest p-value first; those that could not be tested last, with the reason."""
 
     title: ClassVar[str] = "Candidates"
 
@@ -28,7 +28,7 @@ class Candidates(AbstractSection):
         named = {found.effect for found in diagnosis.missing}
         alike = {name for found in diagnosis.missing for name in found.effect_class} - named
         meanings = {name: forms[0].about.sentence for name, forms in catalogue().items()}
-        head = ("effect", "p", "one step", "gain on fit", "gain kept aside", "detectable", "outcome")
+        head = ("effect", "p", "one step", "gain on fit", "gain held out", "detectable", "outcome")
         rows = [_row(candidate, meanings.get(candidate.effect, ""), named, alike) for candidate in candidates]
         classes = ["named" if c.effect in named else "" if c.tested else "untested" for c in candidates]
         return f"<p>{_INTRO}</p>{table(head, rows, classes=classes)}"

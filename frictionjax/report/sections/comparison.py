@@ -1,4 +1,4 @@
-"""Measured against base and extended model, recordings kept aside first."""
+"""Measured against base and extended model, held-out recordings first."""
 
 from typing import ClassVar
 
@@ -12,10 +12,12 @@ from frictionjax.report.sections.panels import panels
 from frictionjax.report.series import holdout_first, is_extended
 
 _INTRO = (
-    "Solid: predicted 0.1 s ahead from what was measured until then. Dashed: free run from the first sample and the "
-    "input alone. Shaded: twice the noise floor. Tinted, and shown closer: where "
+    "Solid: predicted 0.1 s ahead from the samples measured until then. Dashed: free run from the first sample and "
+    "the input. Shaded: twice the noise floor. Tinted, and shown in the close-up: where "
 )
-_IN_PART = "The extended model holds what could be named, and nothing else: what its error still shows is not modelled"
+_IN_PART = (
+    "The extended model has the named effects only: its remaining error is physics that is not modelled"
+)
 
 
 class Comparison(AbstractSection):
@@ -31,7 +33,7 @@ class Comparison(AbstractSection):
         rows = [_row(recording, diagnosis.plant, extended) for recording in recordings]
         head = ("recording", "role", "noise floor", "prediction error", "free-run error")
         pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
-        closer = "the extension mends most" if extended else "the model fits worst"
+        closer = "the extension improves the fit most" if extended else "the model fits worst"
         if extended and diagnosis.verdict == "unknown":
             closer += ". " + _IN_PART
         key = legend(extended, ("measured", "measured"))
@@ -47,7 +49,7 @@ def _row(recording: RecordingFit, plant: Plant, extended: bool) -> tuple[str, ..
 
     return (
         text(recording.name),
-        "kept aside" if recording.role == "holdout" else "fit",
+        "held out" if recording.role == "holdout" else "fit",
         text(quantity(recording.noise_floor, unit)),
         change(recording.prediction_rmse_base, recording.prediction_rmse_extended),
         change(recording.free_run_rmse_base, recording.free_run_rmse_extended),

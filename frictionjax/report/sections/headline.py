@@ -1,4 +1,4 @@
-"""The sentence, the verdict, and what the extension is worth on recordings kept aside."""
+"""The summary, the verdict, and the prediction errors on held-out recordings."""
 
 import math
 import re
@@ -12,15 +12,15 @@ from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.series import is_extended
 
 _BADGES = {
-    "adequate": "Adequate: nothing is missing above the noise",
-    "named": "Named: what is missing is known and modelled",
-    "unknown": "Unknown: something is missing that no listed effect explains",
+    "adequate": "Adequate: no missing physics is significant",
+    "named": "Named: the missing physics is identified and modelled",
+    "unknown": "Unknown: physics is missing that no effect of the catalogue explains",
 }
-_IN_PART = "Unknown: more is missing than the effect named, and no listed effect explains it"
+_IN_PART = "Unknown: an effect is named, but no effect of the catalogue explains the rest"
 
 
 class Headline(AbstractSection):
-    """Opens with the sentence; then the badge, the case, and one card for each recording kept aside."""
+    """The summary; then the badge, the case, and one card for each held-out recording."""
 
     title: ClassVar[str] = ""
 
@@ -30,13 +30,15 @@ class Headline(AbstractSection):
         held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
         fitted = len(diagnosis.recordings) - len(held_out)
         plural = "s" * (fitted != 1)
-        facts = [f"case {diagnosis.case}", f"{fitted} recording{plural} to fit, {len(held_out)} kept aside"]
+        facts = [f"case {diagnosis.case}", f"{fitted} recording{plural} to fit, {len(held_out)} held out"]
         if "total" in diagnosis.seconds:
             facts.append(f"{number(diagnosis.seconds['total'])} s of computing")
         extended = is_extended(diagnosis)
         cards = "".join(_card(recording, diagnosis, extended) for recording in held_out)
         if not cards:
-            cards = '<p class="note">No recording was kept aside, so nothing here was verified on unseen data.</p>'
+            cards = (
+                '<p class="note">No recording was held out, so nothing here was verified on other data.</p>'
+            )
         in_part = diagnosis.verdict == "unknown" and diagnosis.missing
         badge = _IN_PART if in_part else _BADGES[diagnosis.verdict]
         return (
@@ -64,7 +66,7 @@ def _card(recording: RecordingFit, diagnosis: Diagnosis, extended: bool) -> str:
     sizes = [size for size in (base, after, floor) if math.isfinite(size) and size > 0] or [1.0]
     scale = gauge(base, after if extended else None, low=min(sizes) / 1.5, high=max(sizes) * 1.5, floor=floor)
     return (
-        f'<div class="card"><p class="name">{text(recording.name)} <span class="tag">kept aside</span></p>'
+        f'<div class="card"><p class="name">{text(recording.name)} <span class="tag">held out</span></p>'
         f'<p class="figure">{values}</p>{scale}'
         f"<p>rms error of predicting 0.1 s ahead{text('; ' + ', '.join(remarks) if remarks else '')}</p></div>"
     )

@@ -1,4 +1,4 @@
-"""The map of the base model's mismatch: in which regime, at which speed, position, frequency ... it fails."""
+"""The map of the base model's mismatch over regime, velocity, position, frequency and other axes."""
 
 import math
 from collections.abc import Iterable
@@ -16,13 +16,13 @@ _AXES = {
     "since_reversal": "since the last reversal",
     "dwell": "time at rest before",
 }
-_MOST = 12  # bins of one axis that are worth a row each
+_MOST = 12  # bins of one axis that get a row each
 _INTRO = (
-    "Found before anything is named: where the base model fails. <b>Share</b> is a bin's part of the whole "
-    "mismatch; <b>excess</b> is the power of the residual over what noise alone would leave (the tick, at 1): "
-    "four times the power is twice the error."
+    "Where the base model fails, before any effect is added. <b>Share</b>: a bin's part of the whole mismatch. "
+    "<b>Excess</b>: power of the residual over its noise floor (the tick, at 1); four times the power is twice the "
+    "error."
 )
-_CHANCE = " Bins in grey may be chance: noise alone raises some bin of the map as far in more than one case of twenty."
+_CHANCE = f" Grey bins are not significant (family-wise p > {SIGNIFICANT:g})."
 
 
 class Mismatch(AbstractSection):
@@ -37,7 +37,7 @@ class Mismatch(AbstractSection):
         if not axes:
             return ""
         after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
-        # One scale for all axes but frequency: where the observer leaves next to nothing, excess has no like elsewhere.
+        # One scale for all axes but frequency, where the excess is far larger in bins that the observer suppresses.
         wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
         tables = "".join(
             _axis(name, cells, after, _highest(cells) if name == "frequency" else wide)
@@ -52,15 +52,15 @@ class Mismatch(AbstractSection):
 def _part(part: Within) -> str:
     many = "Only" if part.only else "Mostly"
     return (
-        f"<li>{many} <b>{text(part.phrase)}</b>: of what happens in {text(part.given)}, this part holds "
-        f"{percent(part.share)} of the excess in {percent(part.samples)} of the time; excess "
-        f"{number(part.excess, 2)} against {number(part.excess_elsewhere, 2)} elsewhere "
+        f"<li>{many} <b>{text(part.phrase)}</b>: in {text(part.given)}, this part has "
+        f"{percent(part.share)} of the excess in {percent(part.samples)} of the samples; excess "
+        f"{number(part.excess, 2)} against {number(part.excess_elsewhere, 2)} in the rest "
         f"({p_equals(part.p_value)}).</li>"
     )
 
 
 def _highest(cells: Iterable[MismatchBin]) -> float:
-    """The end of a scale of excesses."""
+    """Upper end of the scale of excesses."""
     return 1.5 * max([10.0, *(cell.excess for cell in cells if math.isfinite(cell.excess))])
 
 
@@ -71,13 +71,13 @@ def _may_be_chance(cell: MismatchBin) -> bool:
 def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:
     # The strongest bins keep their natural order: a map is read along its axis.
     kept = sorted(range(len(cells)), key=lambda k: -_finite(cells[k].share))[:_MOST]
-    # A share twice that of an even spread stands out; on an axis without one, nothing is set in bold.
+    # Bold: a share twice that of an even distribution over the bins; on short axes, 60 %.
     striking = 2.0 * sum(_finite(cell.share) for cell in cells) / len(cells) if len(cells) > 3 else 0.6
     rows = "".join(_row(cells[k], _finite(cells[k].share) >= striking, after, high) for k in sorted(kept))
     if len(kept) < len(cells):
         rest = sum(_finite(cell.share) for k, cell in enumerate(cells) if k not in kept)
         rows += (
-            f'<tr class="rest"><td colspan="4">{len(cells) - len(kept)} more hold {percent(rest)}</td></tr>'
+            f'<tr class="rest"><td colspan="4">{len(cells) - len(kept)} more bins: {percent(rest)}</td></tr>'
         )
     heading = words(_AXES.get(name, name)).capitalize()
     return (

@@ -1,4 +1,4 @@
-"""For each recording two pictures side by side: the whole of it, and a close-up where the mismatch is."""
+"""For each recording two figures side by side: the whole of it, and a close-up where the mismatch is largest."""
 
 from collections.abc import Sequence
 
@@ -9,11 +9,11 @@ from frictionjax.report.format import number
 from frictionjax.report.html import picture, text
 from frictionjax.report.series import zoom
 
-MOST = 24  # recordings that get pictures: a page of hundreds would help nobody
+MOST = 24  # recordings that are drawn: a page of hundreds is not read
 
 
 def panels(recordings: Sequence[RecordingFit], plant: Plant, extended: bool, draw: Draw) -> str:
-    """Both pictures of every recording, each under the recording's name.
+    """Both figures of every recording, under the recording's name.
 
     **Arguments:**
 
@@ -39,6 +39,6 @@ def _pair(recording: RecordingFit, plant: Plant, extended: bool, draw: Draw) -> 
     first, last = (number(float(recording.t[k])) for k in (near.start, near.stop - 1))
     whole = picture(draw(recording, plant, extended, slice(None), near), f"{recording.name}, whole")
     close = picture(draw(recording, plant, extended, near), f"close-up of the tinted {first} to {last} s")
-    tag = ' <span class="tag">kept aside</span>' if recording.role == "holdout" else ""
+    tag = ' <span class="tag">held out</span>' if recording.role == "holdout" else ""
     heading = f"<h3>{text(recording.name)}{tag}</h3>"
     return f'<section class="recording">{heading}<div class="figures">{whole}{close}</div></section>'

@@ -12,7 +12,7 @@ from frictionjax.report.series import is_extended
 
 
 class Parameters(AbstractSection):
-    """One row a parameter: base, extended, and how far the missing physics had pulled the base value away."""
+    """One row for each parameter: base value, extended value, and the bias of the base value by the missing physics."""
 
     title: ClassVar[str] = "Parameters"
 
@@ -52,7 +52,7 @@ def _change(base: Estimate | None, after: Estimate | None) -> str:
     if base is None or after is None or not (base.identified and after.identified):
         return DASH
     step = after.value - base.value
-    # The errors of the two fits share their data, so the larger one is the honest yardstick.
+    # The two fits share their data, so their errors do not add: the larger one is the scale of the change.
     error = max(base.stderr, after.stderr)
     if abs(step) <= error:
         return "within one standard error"

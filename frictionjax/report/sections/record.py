@@ -1,4 +1,4 @@
-"""What the reader must know to trust the rest: warnings, the data that went in, and where the time went."""
+"""Warnings, the data used, and the computing time of each stage."""
 
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from frictionjax.report.series import holdout_first
 
 
 class Record(AbstractSection):
-    """Warnings as a list, one row a recording, one row a stage."""
+    """The warnings; a table of the recordings; a table of the stages."""
 
     title: ClassVar[str] = "Data, warnings, timings"
 
@@ -23,7 +23,7 @@ class Record(AbstractSection):
 
 def _warnings(diagnosis: Diagnosis) -> str:
     if not diagnosis.warnings:
-        return "<h3>Warnings</h3><p>None: neither the audit of the data nor the fit found anything to warn of.</p>"
+        return "<h3>Warnings</h3><p>None from the audit of the data or from the fit.</p>"
     return (
         "<h3>Warnings</h3><ul>" + "".join(f"<li>{text(line)}</li>" for line in diagnosis.warnings) + "</ul>"
     )
@@ -32,7 +32,7 @@ def _warnings(diagnosis: Diagnosis) -> str:
 def _data(diagnosis: Diagnosis) -> str:
     plant = diagnosis.plant
     constant = (
-        "unknown: every force is per input unit"
+        "unknown: forces are in input units"
         if plant.motor_constant is None
         else f"{number(plant.motor_constant)} {unit_text(plant.force_unit)}/{unit_text(plant.input_unit)}"
     )
@@ -51,7 +51,7 @@ def _recording(recording: RecordingFit, plant: Plant) -> tuple[str, ...]:
     step = (t[-1] - t[0]) / (t.size - 1) if t.size > 1 else float("nan")
     return (
         text(recording.name),
-        "kept aside" if recording.role == "holdout" else "fit",
+        "held out" if recording.role == "holdout" else "fit",
         recording.drive,
         str(t.size),
         f"{1 / step:.6g} Hz" if step > 0 else DASH,

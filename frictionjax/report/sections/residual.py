@@ -10,13 +10,13 @@ from frictionjax.report.sections.panels import panels
 from frictionjax.report.series import holdout_first, is_extended
 
 _INTRO = (
-    "The force that would have to be added to the model at each instant for it to follow the measurement, smoothed "
-    "from the data. Shaded: plus and minus two standard deviations; what stays inside may be noise."
+    "The force that the model would need in addition, at each instant, to follow the measurement, smoothed from the "
+    "data. Shaded: plus and minus two standard deviations of the noise."
 )
 
 
 class Residual(AbstractSection):
-    """For each recording the residual force over its band, the whole of it and the same close-up as above."""
+    """For each recording the residual force and its noise band, whole and in the same close-up as above."""
 
     title: ClassVar[str] = "Residual force"
 

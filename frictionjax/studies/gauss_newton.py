@@ -1,16 +1,14 @@
-"""Normal equations of badly scaled problems, small enough to be solved in thousands at once."""
+"""Gauss-Newton steps of small, badly scaled least-squares problems, thousands of them at once."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-DAMPING = 1e-10  # J, Fc and sigma2 are told apart by one part in 1e8 of a normal matrix
-LONGEST = 0.5  # longest step in any logarithm: within it, a model stays comparable with itself
-ENOUGH = (
-    1e-2  # arrived when what is left to gain is below this many variances of the noise: a tenth of a sigma
-)
+DAMPING = 1e-10  # J, Fc and sigma2 differ by one part in 1e8 of a normal matrix
+LONGEST = 0.5  # longest step in any logarithm: the linear model is usable within it
+ENOUGH = 1e-2  # converged when the predicted decrease is below this many noise variances: a tenth of a standard error
 
 
-def _scaled(normal):
+def _scaled(normal: Float[Array, "p p"]) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     size = jnp.sqrt(jnp.diagonal(normal))
     size = jnp.where(size > 0.0, size, 1.0)
     return size, normal / size[:, None] / size[None, :]

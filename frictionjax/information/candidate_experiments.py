@@ -1,19 +1,19 @@
-"""Candidate experiments by name: one record each or several made one after the other, and what the machine allows."""
+"""Candidate experiments by name, of one record or several in sequence, and the limits of the machine."""
 
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
 
 from frictionjax.core import InputError
+from frictionjax.information.planned import Inputs, Signal
 
-Candidate = Float[Array, " n"] | Sequence[Float[Array, " n"]]
+Candidate = Inputs
 """One planned input of shape `(n,)`, or several, each recorded from the known start."""
 
 
 class Rejected(eqx.Module):
-    """A candidate that the machine does not allow.
+    """A candidate that exceeds a limit of the machine.
 
     **Attributes:**
 
@@ -26,14 +26,14 @@ class Rejected(eqx.Module):
 
 
 class Candidates(eqx.Module):
-    """Candidates laid side by side.
+    """All candidates as one list of records.
 
-    **Attributes:** `names`; `inputs` (all records, one after the other) and their `labels`; `groups` (the places of
+    **Attributes:** `names`; `inputs` (all records, one after the other) and their `labels`; `groups` (the indices of
     the records of each candidate).
     """
 
     names: tuple[str, ...]
-    inputs: list[Float[Array, " n"]]
+    inputs: list[Signal]
     labels: list[str]
     groups: list[list[int]]
 
@@ -42,7 +42,7 @@ def candidates_of(candidates: Mapping[str, Candidate]) -> Candidates:
     """The `candidates` (name -> input or inputs), each of whose records gets a label."""
     if not isinstance(candidates, Mapping) or not candidates:
         raise InputError(
-            "there is nothing to choose from",
+            "there is no candidate",
             place="`candidates`",
             cure='Give a dict of at least one name and its input, such as {"ramp": ramp(...)}.',
         )
