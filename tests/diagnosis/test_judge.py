@@ -1,4 +1,4 @@
-"""The judgement: what a model explains, on the recordings it was fitted to and on those kept aside."""
+"""The judgement: what a model explains, on the recordings it was fitted to and on the held-out ones."""
 
 from types import SimpleNamespace
 
