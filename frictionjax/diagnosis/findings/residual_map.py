@@ -1,4 +1,4 @@
-"""Unknown: a nonparametric model of the force that the catalogue does not explain, and what carries it."""
+"""Unknown: a nonparametric model of the force that the catalogue does not explain, over the variable it depends on."""
 
 from concurrent.futures import Executor
 
@@ -16,17 +16,20 @@ from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS
 
-_CONVERGED = 2  # variables whose maps are refitted: those whose one-step estimates gain most
-_TAIL, _MARGIN = 0.05, 1.5  # of the excess left out on either side of a spot, and how much wider its map is
-_LEAST_LEAD = 1.5  # standard errors by which the held-out misfit must fall; few clusters may hold all of it
-_LEAST_SHARE = 0.1  # and by which part
+_CONVERGED = 2  # maps that are refitted: those whose one-step estimates gain most
+_TAIL, _MARGIN = (
+    0.05,
+    1.5,
+)  # share of the excess outside a spot on either side; factor on the width for its map
+_LEAST_LEAD = 1.5  # standard errors by which the held-out misfit must fall; it may lie in few clusters
+_LEAST_SHARE = 0.1  # of the held-out misfit that the map must remove, besides
 
 
 class ResidualModel(eqx.Module):
     """A map of the missing force over one variable.
 
     **Attributes:** `variable` (in words), `model`, `compared` (against the model without it), `helps` (whether it
-    predicts recordings kept aside better than the model without it, beyond chance).
+    predicts held-out recordings significantly better than the model without it).
     """
 
     variable: str = eqx.field(static=True)
@@ -36,7 +39,7 @@ class ResidualModel(eqx.Module):
 
 
 def _spot(present: Present) -> tuple[float, float] | None:
-    """Middle and half width of the part of the stroke that holds most of the excess; None where that is much of it."""
+    """Middle and half width of the part of the stroke with most of the excess; None where that is much of it."""
     batch, e = present.joint.batch, np.nan_to_num(np.asarray(present.e))
     inside = np.asarray(batch.valid) > 0
     x, excess = np.asarray(batch.x)[inside], np.maximum(e[inside] ** 2 - 1.0, 0.0)
@@ -50,16 +53,16 @@ def _spot(present: Present) -> tuple[float, float] | None:
 
 
 def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> ResidualModel | None:
-    """The map that explains most of what `model` leaves, base parameters and all else free beside it.
+    """The map that explains most of what `model` leaves, all parameters free.
 
-    Each map is a set of effects whose one-step estimates are tested like those of the catalogue, all base parameters
-    free to absorb what they can; the best are refitted, and the one that predicts best is kept.
+    Each map is a set of effects whose one-step estimates are tested like those of the catalogue, with all base
+    parameters free; the best are refitted, and the one that predicts best is kept.
 
     **Arguments:**
 
     - `model`: the fitted base model, with the effects that were named.
     - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
-    - `executor`: runs tests and refits side by side.
+    - `executor`: runs tests and refits in parallel.
 
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
@@ -78,12 +81,12 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
 
     def converge(item) -> ResidualModel:
         _, variable, trial = item
-        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
+        posterior, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
-        begun = descend(joint, vector, steps=12, tolerance=0.02)
-        slow = joint.at_bandwidth(SLOW_BANDWIDTH)
-        fitted = descend(slow, begun.vector, graduate=False, steps=12, tolerance=0.01)
+        started = descend(posterior, vector, steps=12, tolerance=0.02)
+        slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
+        fitted = descend(slow, started.vector, graduate=False, steps=12, tolerance=0.01)
         found = Model(slow, fitted, judge(slow, fitted))
         compared = compare(model.judgement, found.judgement, floor)
         helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > _LEAST_SHARE
