@@ -103,7 +103,7 @@ def test_a_reversed_input_is_told_and_nothing_is_named():
     assert (found.verdict, found.missing) == ("unknown", ())
     assert "Set scale = {u = -1.0}." in found.warnings[0]
     assert all(not row.tested for row in found.candidates)
-    assert "cannot be judged" in found.explain("delay")
+    assert "cannot be tested" in found.explain("delay")
 
 
 @pytest.mark.slow
