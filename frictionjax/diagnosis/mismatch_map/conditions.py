@@ -100,8 +100,13 @@ def _strongest_part(
     ]
     if not clear:
         return None
-    part, mask = max(clear, key=lambda one: divergence(one[0].share, one[0].samples))
+    part, mask = max(clear, key=lambda one: _divergence(one[0]))
     return replace(part, p_value=part.p_value * compared), mask
+
+
+def _divergence(part: Within) -> float:
+    """How informative a part is: that of its share of the excess given its share of the samples."""
+    return divergence((part.share, 1.0 - part.share), (part.samples, 1.0 - part.samples))
 
 
 def _more_power(

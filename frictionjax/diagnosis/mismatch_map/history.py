@@ -7,6 +7,8 @@ From the velocity alone. A *rest* is an interval in which the speed stays below 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from frictionjax.recordings.regimes import runs
+
 _SHORTEST_MOTION = 5e-3  # s
 _ONSET = 20e-3  # s: the break-away at the start of a motion belongs to the motion, not to the rest
 
@@ -59,19 +61,13 @@ def last_rest(
     - `dt`: s per sample.
     """
     still = np.abs(v) <= slow
-    for begin, end in _runs(~still):
+    for begin, end in runs(~still):
         if (end - begin) * dt < _SHORTEST_MOTION:
             still[begin:end] = True
     length, resting = np.full(v.size, np.inf), np.zeros(v.size, bool)
     onset = round(_ONSET / dt)
-    for begin, end in _runs(still):
+    for begin, end in runs(still):
         length[begin:] = (end - begin) * dt
         # No motion follows a rest at the end of the recording.
         resting[begin : end if end == v.size else max(end - onset, begin)] = True
     return length, resting
-
-
-def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
-    """Begin and end of every stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

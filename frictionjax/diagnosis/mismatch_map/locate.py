@@ -20,7 +20,7 @@ from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
-from frictionjax.diagnosis.mismatch_map.where_words import lead_of, where_words
+from frictionjax.diagnosis.mismatch_map.where_words import divergence, lead_of, where_words
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 
@@ -133,7 +133,5 @@ def _most_telling(maps: list[list[MismatchBin]]) -> list[list[MismatchBin]]:
 
 
 def _divergence(rows: list[MismatchBin]) -> float:
-    share = np.array([row.share for row in rows])
-    samples = np.array([row.count for row in rows]) / sum(row.count for row in rows)
-    seen = share > 0.0
-    return float(np.sum(share[seen] * np.log(share[seen] / samples[seen])))
+    total = sum(row.count for row in rows)
+    return divergence((row.share for row in rows), (row.count / total for row in rows))

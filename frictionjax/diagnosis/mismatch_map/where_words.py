@@ -1,6 +1,7 @@
 """Where the mismatch is, in plain words, from the bins of the map that are significant and large."""
 
 import math
+from collections.abc import Iterable
 
 from frictionjax.core.quantities import times
 from frictionjax.diagnosis.verdict import MismatchBin, Within
@@ -87,15 +88,16 @@ def _sharp(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...]) -> Mi
         for b in (*bins, *unions):
             # A share in proportion to the bin's samples is not informative.
             if b.axis == axis and stands_out(b) and b.share > max(_SHARP, 2.0 * b.count / samples):
-                found.append((divergence(b.share, b.count / samples), b))
+                part = b.count / samples
+                found.append((divergence((b.share, 1.0 - b.share), (part, 1.0 - part)), b))
     return max(found, key=lambda pair: pair[0])[1] if found else None
 
 
-def divergence(share: float, samples: float) -> float:
-    """Information in a part with this share of the `samples` having this `share` of the excess: the divergence of
-    Kullback and Leibler, nats."""
-    inside = share * math.log(share / samples) if share > 0.0 else 0.0
-    return inside + ((1.0 - share) * math.log((1.0 - share) / (1.0 - samples)) if share < 1.0 else 0.0)
+def divergence(shares: Iterable[float], samples: Iterable[float]) -> float:
+    """Information in these `shares` of the excess of bins with these shares of the `samples`: the divergence of
+    Kullback and Leibler, nats. Each add up to 1."""
+    pairs = zip(shares, samples, strict=True)
+    return sum((share * math.log(share / own) for share, own in pairs if share > 0.0), start=0.0)
 
 
 def _prominence(b: MismatchBin) -> float:
