@@ -6,6 +6,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
@@ -234,7 +235,7 @@ def _map(
     base: Drive,
     plant: Plant,
     scene: Scene,
-    floor: np.ndarray,
+    floor: Float[np.ndarray, "r b"],
     executor: Executor,
 ) -> Located:
     batch = scene.batch

@@ -1,11 +1,13 @@
 """Why an effect was named or not: the sentences behind `Diagnosis.explain`."""
 
+from typing import Any
+
 import numpy as np
 
 from frictionjax.core import InputError
 
 
-def explain_effect(diagnosis, effect: str) -> str:
+def explain_effect(diagnosis: Any, effect: str) -> str:
     """Why the `diagnosis` named an `effect` or did not, in a few sentences.
 
     **Raises:** `InputError` for a name that is not among its candidates.

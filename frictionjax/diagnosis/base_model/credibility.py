@@ -9,6 +9,7 @@ reference, and one break-away that is predicted too late outweighs minutes of st
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.estimation.data.batch import CLUSTER
@@ -57,7 +58,9 @@ def _better(energy: float, lead: float) -> bool:
     return energy >= 0.0 or lead > 0.0
 
 
-def _compared(reference: np.ndarray, power: np.ndarray, count: np.ndarray) -> tuple[float, float]:
+def _compared(
+    reference: Float[np.ndarray, "r b"], power: Float[np.ndarray, "r b"], count: Float[np.ndarray, "r b"]
+) -> tuple[float, float]:
     """Energy and lead of the block powers of a model, `power`, over those of the `reference`, for blocks of `count`
     samples; arrays of shape `(r, b)`."""
     # Noise raises half of the blocks a little above its mean, with a model and without: under a coarse encoder these

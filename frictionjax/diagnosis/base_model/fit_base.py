@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
+from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.evidence.judgement import judge
@@ -45,7 +46,7 @@ def base_of(starting: StartingPoint, executor: Executor, progress: Progress, *, 
 def fit_base(
     starts: Sequence[Drive],
     batch: AbstractBatch,
-    held_out: np.ndarray,
+    held_out: Bool[np.ndarray, " r"],
     executor: Executor,
     progress: Progress,
     *,

@@ -8,9 +8,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.simulation.imposed import run_imposed
 
 _HALF_POWER = 0.443  # of a moving average: its width times the frequency at which it passes half the power
@@ -21,19 +24,23 @@ class ForceView(eqx.Module):
     measured force, and `ahead` by 0.1 s; the force that it lacks, `missing` (smoothed); `v` (its mean over a block),
     `bend` (|z| over Fs/sigma0) and the standardised errors `e`."""
 
-    free: np.ndarray
-    ahead: np.ndarray
-    missing: np.ndarray
-    v: np.ndarray
-    bend: np.ndarray
-    e: np.ndarray
+    free: Float[np.ndarray, "r n"]
+    ahead: Float[np.ndarray, "r n"]
+    missing: Float[np.ndarray, "r n"]
+    v: Float[np.ndarray, "r n"]
+    bend: Float[np.ndarray, "r n"]
+    e: Float[np.ndarray, "r n"]
 
 
 @eqx.filter_jit
-def _runs(drive, batch: ImposedBatch, deflection):
+def _runs(
+    drive: Drive, batch: ImposedBatch, deflection: Float[Array, " r"]
+) -> tuple[Float[Array, "r n"], ...]:
     sigma0, most = drive.friction.sigma0, drive.friction.Fs / drive.friction.sigma0
 
-    def first_deflection(x, force, dt, earlier):
+    def first_deflection(
+        x: Float[Array, " n"], force: Float[Array, " n"], dt: Float[Array, ""], earlier: Before
+    ) -> Float[Array, ""]:
         # The bristles carry what the other forces leave of the first measured force.
         others = run_imposed(drive, x[:2], dt, 0.0, earlier=earlier)[2][0]
         return jnp.clip((force[0] - others) / sigma0, -most, most)
@@ -70,13 +77,13 @@ def smoothing_width(bandwidth: float, dt: float) -> int:
     return max(int(_HALF_POWER / (bandwidth * dt)) // 2 * 2 + 1, 1)
 
 
-def _mean_over(values: np.ndarray, width: int) -> np.ndarray:
+def _mean_over(values: Float[np.ndarray, " n"], width: int) -> Float[np.ndarray, " n"]:
     """Moving average over `width` (odd) samples, over fewer at the ends."""
     kernel = np.ones(width)
     return np.convolve(values, kernel, mode="same") / np.convolve(np.ones(values.size), kernel, mode="same")
 
 
-def _earlier_mean(error: np.ndarray, horizon: int) -> np.ndarray:
+def _earlier_mean(error: Float[np.ndarray, "r n"], horizon: int) -> Float[np.ndarray, "r n"]:
     """Mean of the `error`, shape `(r, n)`, over `horizon` samples that ended `horizon` samples before; 0 at
     the beginning."""
     total = np.pad(np.cumsum(error, axis=1), ((0, 0), (1, 0)))

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
 from frictionjax.estimation.descent.robust import Fitted
@@ -24,7 +24,7 @@ class Scene(eqx.Module):
     """
 
     batch: AbstractBatch
-    held_out: np.ndarray
+    held_out: Bool[np.ndarray, " r"]
     bandwidth: float = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
 
@@ -37,17 +37,17 @@ class Judgement(eqx.Module):
     """
 
     drive: Drive
-    vector: Float[Array, " q"]
-    power: np.ndarray
-    held_out: np.ndarray
+    vector: Float[Array | np.ndarray, " q"]
+    power: Float[np.ndarray, "r b"]
+    held_out: Bool[np.ndarray, " r"]
     batch: AbstractBatch
 
     @property
-    def deflection(self) -> np.ndarray:
+    def deflection(self) -> Float[np.ndarray, " r"]:
         """Starting deflection of the bristle in each recording over Fs/sigma0, shape `(r,)`."""
         return np.asarray(self.vector)[-self.held_out.size :]
 
-    def misfits(self, floor: np.ndarray) -> tuple[float, float]:
+    def misfits(self, floor: Float[np.ndarray, "#r #b"]) -> tuple[float, float]:
         """Robust misfit per sample above the `floor` of each block, shape `(r, b)`: fit and held-out recordings."""
         loss, count = losses_of(self.power, self.batch, floor), np.asarray(self.batch.block_count)
         parts = [
@@ -67,7 +67,7 @@ class Judgement(eqx.Module):
         fit, held = (0.25 * float(np.sqrt(2.0 * (1.0 + 2.626) / max(n, 1.0))) for n in samples)
         return fit, held
 
-    def within(self, floor: np.ndarray, most: float) -> tuple[bool, bool]:
+    def within(self, floor: Float[np.ndarray, "#r #b"], most: float) -> tuple[bool, bool]:
         """Whether the misfits above the `floor` are below `most` plus three of their standard errors: fit, held-out."""
         fit, held = (
             misfit < most + _SURE * error
@@ -75,7 +75,7 @@ class Judgement(eqx.Module):
         )
         return fit, held
 
-    def clusters(self, floor: np.ndarray) -> Float[np.ndarray, "r c"]:
+    def clusters(self, floor: Float[np.ndarray, "#r #b"]) -> Float[np.ndarray, "r c"]:
         """Loss of each cluster of 0.5 s, above the `floor`."""
         loss = losses_of(self.power, self.batch, floor)
         short = -loss.shape[1] % CLUSTER
@@ -90,7 +90,7 @@ def judge(posterior: Posterior, fitted: Fitted) -> Judgement:
     return Judgement(posterior.drive_of(fitted.vector), fitted.vector, power, held_out, posterior.batch)
 
 
-def explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:
+def explained(before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"]) -> tuple[float, float]:
     """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones.
 
     Where one set shows a mismatch and the other lies near the floor, the share of the other refers to the adequate
@@ -118,7 +118,9 @@ def left_over(misfits: tuple[float, float], shares: tuple[float, float]) -> tupl
     return fit, held
 
 
-def energy_explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:
+def energy_explained(
+    before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"]
+) -> tuple[float, float]:
     """Share of the power above the `floor` that `after` removes, on fit and on held-out recordings.
 
     Powers are capped at the 95 % quantile of `before`, so that a few impacts do not decide. Far from the noise this
@@ -136,7 +138,9 @@ def energy_explained(before: Judgement, after: Judgement, floor: np.ndarray) -> 
     return shares[0], shares[1]
 
 
-def advantage(better: Judgement, other: Judgement, rows: np.ndarray, floor: np.ndarray) -> float:
+def advantage(
+    better: Judgement, other: Judgement, rows: Bool[np.ndarray, " r"], floor: Float[np.ndarray, "#r #b"]
+) -> float:
     """Loss of `other` minus that of `better` above the `floor`, in standard errors of the difference, from paired
     clusters of the recordings `rows`."""
     difference = (other.clusters(floor) - better.clusters(floor))[rows].ravel()

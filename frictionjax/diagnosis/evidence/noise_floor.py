@@ -161,7 +161,7 @@ def force_noise(
     if not np.any(informative):
         return 0.0
 
-    def estimate(power: np.ndarray) -> float:
+    def estimate(power: Float[np.ndarray, "*d r b"]) -> float:
         each = (power - quiet) / np.where(informative, gain, 1.0)
         return float(np.quantile(each[..., informative], _QUANTILE))
 

@@ -5,14 +5,16 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Int
 
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
-from frictionjax.estimation.data.batch import rows_of
+from frictionjax.estimation.data.batch import Batch, rows_of
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
+    Gains,
     innovation_gain,
     observe,
     observer_gains,
@@ -20,6 +22,7 @@ from frictionjax.simulation import (
     residual_force_std,
     simulate,
 )
+from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.prediction import run_ahead
 
 _AHEAD = 0.1  # s
@@ -32,17 +35,34 @@ class View(eqx.Module):
     Fs/sigma0) and standardised innovations `e` (where the motion is imposed: velocity, bend and standardised errors of
     the run)."""
 
-    free: np.ndarray
-    ahead: np.ndarray
-    force: np.ndarray
-    v: np.ndarray
-    bend: np.ndarray
-    e: np.ndarray
+    free: Float[np.ndarray, "r n"]
+    ahead: Float[np.ndarray, "r n"]
+    force: Float[np.ndarray, "r n"]
+    v: Float[np.ndarray, "r n"]
+    bend: Float[np.ndarray, "r n"]
+    e: Float[np.ndarray, "r n"]
 
 
 @eqx.filter_jit
-def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
-    def one(u, x, dt, gains, start, x_first, length):
+def _view(
+    drive: Drive,
+    batch: Batch,
+    gains: Gains,
+    deflection: Float[Array, " r"],
+    first: Float[Array, " r"],
+    bandwidth: Float[Array, ""],
+    horizon: int,
+    stride: int,
+) -> tuple[Float[Array, "r n"], ...]:
+    def one(
+        u: Float[Array, " n"],
+        x: Float[Array, " n"],
+        dt: Float[Array, ""],
+        gains: Gains,
+        start: Start,
+        x_first: Float[Array, ""],
+        length: Int[Array, ""],
+    ) -> tuple[Float[Array, " n"], ...]:
         force, before = drive.applied_force(u, dt), start[3]
         # The free run uses the first sample only.
         steps = batch.substeps
@@ -77,8 +97,8 @@ def view(judgement: Judgement, scene: Scene) -> View:
 
 
 def _view_of_rows(
-    judgement: Judgement, scene: Scene, rows: np.ndarray, length: int, dt: float
-) -> dict[str, np.ndarray]:
+    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, dt: float
+) -> dict[str, Float[np.ndarray, "k n"]]:
     """The fields of a `View` for the recordings `rows`, all sampled at `dt` s, up to `length` samples."""
     batch = rows_of(scene.batch, rows)
     cut = tuple(leaf[:, :length] for leaf in (batch.u, batch.x, batch.valid))
@@ -123,7 +143,7 @@ def force_bandwidth(dt: float) -> float:
     return min(_FORCE_BANDWIDTH, 0.05 / dt)
 
 
-def _rmse(model: np.ndarray, measured: np.ndarray) -> float:
+def _rmse(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
     value = float(np.sqrt(np.mean((model - measured) ** 2)))
     return value if np.isfinite(value) else float("inf")
 

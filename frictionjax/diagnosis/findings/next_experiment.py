@@ -32,11 +32,11 @@ def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[
     t = np.arange(round(_SECONDS * sample_rate)) / sample_rate
     rng = np.random.default_rng(5)
 
-    def line(*corners):
+    def line(*corners: tuple[float, float]) -> Float[np.ndarray, " n"]:
         times, levels = zip(*corners, strict=True)
         return np.interp(t, times, levels)
 
-    def noise(level):
+    def noise(level: float) -> Float[np.ndarray, " n"]:
         white = rng.standard_normal(t.size)
         spectrum = np.fft.rfft(white)
         spectrum[np.fft.rfftfreq(t.size, 1.0 / sample_rate) > 150.0] = 0.0

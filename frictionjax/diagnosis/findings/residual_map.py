@@ -4,17 +4,18 @@ from concurrent.futures import Executor
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.comparison import Compared, compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.screening.linearised import Present, present_model
-from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
+from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.physics.residual_maps import MAPS
+from frictionjax.physics.residual_maps import MAPS, AbstractMap
 
 _CONVERGED = 2  # maps that are refitted: those whose one-step estimates gain most
 _TAIL, _MARGIN = (
@@ -52,7 +53,9 @@ def _spot(present: Present) -> tuple[float, float] | None:
     return (float(0.5 * (low + high)), float(half)) if 2.0 * half < 0.5 * np.ptp(x) else None
 
 
-def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> ResidualModel | None:
+def residual_model(
+    model: Model, floor: Float[np.ndarray, "#r #b"], executor: Executor
+) -> ResidualModel | None:
     """The map that explains most of what `model` leaves, all parameters free.
 
     Each map is a set of effects whose one-step estimates are tested like those of the catalogue, with all base
@@ -71,7 +74,7 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
     present = present_model(fast, model.fitted.vector)
     spot = _spot(present)
 
-    def test(item):
+    def test(item: tuple[str, type[AbstractMap]]) -> list[tuple[float, str, Trial]]:
         variable, form = item
         instances = forms_to_try(form, scales, {})
         if spot is not None and variable.startswith("position"):
@@ -79,7 +82,7 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
         trials = try_form(present, instances, scales)
         return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
 
-    def converge(item) -> ResidualModel:
+    def converge(item: tuple[float, str, Trial]) -> ResidualModel:
         _, variable, trial = item
         posterior, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)

@@ -6,6 +6,7 @@ the friction force measured.
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Bool
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.evidence.judgement import Scene
@@ -26,7 +27,7 @@ class StartingPoint(eqx.Module):
 
     recordings: tuple[Recording, ...]
     batch: AbstractBatch
-    held_out: np.ndarray
+    held_out: Bool[np.ndarray, " r"]
     start: Start
     notes: tuple[str, ...] = eqx.field(static=True)
 

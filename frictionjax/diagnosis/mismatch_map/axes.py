@@ -28,10 +28,10 @@ class Motion(eqx.Module):
     """All recordings as the base model observes them, arrays of shape `(r, n)`: `x`, `v`, `bend` (|z| over Fs/sigma0),
     `u`."""
 
-    x: np.ndarray
-    v: np.ndarray
-    bend: np.ndarray
-    u: np.ndarray
+    x: Float[np.ndarray, "r n"]
+    v: Float[np.ndarray, "r n"]
+    bend: Float[np.ndarray, "r n"]
+    u: Float[np.ndarray, "r n"]
 
 
 class Union(eqx.Module):
@@ -114,7 +114,7 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[A
     )
 
 
-def _regime(motion: Motion, vs: float, slow: np.ndarray, top: float) -> Axis:
+def _regime(motion: Motion, vs: float, slow: Float[np.ndarray, "r 1"], top: float) -> Axis:
     speed = np.abs(motion.v)
     gross = speed > max(min(3.0 * vs, 0.3 * top), 0.0)
     moving = (speed > slow) & (motion.bend > 0.5)
@@ -130,7 +130,7 @@ def _regime(motion: Motion, vs: float, slow: np.ndarray, top: float) -> Axis:
     return Axis("regime", labels, tuple(f"in {label.split(' (')[0]}" for label in labels), index)
 
 
-def _direction(motion: Motion, slow: np.ndarray) -> Axis:
+def _direction(motion: Motion, slow: Float[np.ndarray, "r 1"]) -> Axis:
     index = np.where(motion.v > slow, 0, np.where(motion.v < -slow, 1, 2))
     labels = ("forward", "backward", "at rest")
     return Axis("direction", labels, ("moving forward", "moving backward", "at rest"), index)
@@ -141,18 +141,20 @@ def _velocity(motion: Motion, top: float, plant: Plant) -> Axis:
     return _along("velocity", np.abs(motion.v), edges, f"{plant.position_unit}/s", "|v|")
 
 
-def _position(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+def _position(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     places = np.linspace(float(motion.x[valid].min()), float(motion.x[valid].max()), 9)
     return _along("position", motion.x, places, plant.position_unit, "x")
 
 
-def _input(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+def _input(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
     effort[0], effort[-1] = 0.0, np.inf
     return _along("input", np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|")
 
 
-def _along(name: str, values: np.ndarray, edges: np.ndarray, unit: str, symbol: str) -> Axis:
+def _along(
+    name: str, values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str, symbol: str
+) -> Axis:
     """An axis along the `values` of a quantity with this `symbol`."""
     # The outermost bins include everything beyond their edges: the largest position itself, and samples not scored.
     index = np.clip(np.digitize(values, edges) - 1, 0, len(edges) - 2)
@@ -181,7 +183,7 @@ def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tupl
 
 
 def _since_reversal(
-    motion: Motion, drive: Drive, slow: np.ndarray, plant: Plant, scene: Scene
+    motion: Motion, drive: Drive, slow: Float[np.ndarray, "r 1"], plant: Plant, scene: Scene
 ) -> tuple[Axis, Axis]:
     dt = np.asarray(scene.batch.dt)
     since = [
@@ -196,7 +198,7 @@ def _since_reversal(
     return _after(time, np.array(_TIMES), "s"), _after(distance, distances, plant.position_unit)
 
 
-def _after(values: np.ndarray, edges: np.ndarray, unit: str) -> Axis:
+def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str) -> Axis:
     labels, phrases = [], []
     for low, high in itertools.pairwise(edges.tolist()):
         if low == 0.0 and np.isfinite(high):
@@ -216,7 +218,7 @@ def _after(values: np.ndarray, edges: np.ndarray, unit: str) -> Axis:
     return Axis("since_reversal", tuple(labels), tuple(phrases), index, unions)
 
 
-def _dwell(motion: Motion, slow: np.ndarray, scene: Scene) -> Axis:
+def _dwell(motion: Motion, slow: Float[np.ndarray, "r 1"], scene: Scene) -> Axis:
     dt = np.asarray(scene.batch.dt)
     rows = [
         last_rest(v, float(rest), float(step)) for v, rest, step in zip(motion.v, slow[:, 0], dt, strict=True)

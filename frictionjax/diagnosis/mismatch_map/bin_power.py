@@ -29,11 +29,13 @@ class Tally(eqx.Module):
     cluster: Int[np.ndarray, " m"]
     adds: csr_array
 
-    def sums(self, squares: Float[np.ndarray, "..."]) -> Float[np.ndarray, "m k"]:
+    def sums(self, squares: Float[np.ndarray, "k r n"]) -> Float[np.ndarray, "m k"]:
         """Sum over each cluster of each bin of `squares`, shape `(k, r, n)`."""
         return self.adds @ squares.reshape(squares.shape[0], -1).T
 
-    def powers(self, sums: Float[np.ndarray, "m k"]) -> tuple[np.ndarray, np.ndarray]:
+    def powers(
+        self, sums: Float[np.ndarray, "m k"]
+    ) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
         """Mean of each bin, from the `sums`, and its relative standard error from clusters: each of shape `(b, k)`.
 
         The standard error is that of a ratio of sums, sum of squares over number of samples; 0 where there are too few
@@ -79,7 +81,7 @@ def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
     column, row = np.concatenate(columns), np.concatenate(rows)
     adds = csr_array((np.ones(column.size, np.float32), (row, column)), shape=(total, scored.size))
     parts = np.concatenate(owner), np.concatenate(size).astype(float), np.concatenate(which)
-    return Tally(tuple(bins), np.array(samples), *parts, adds)
+    return Tally(tuple(bins), np.array(samples, int), *parts, adds)
 
 
 def clusters_of(scene: Scene) -> Int[np.ndarray, "r n"]:

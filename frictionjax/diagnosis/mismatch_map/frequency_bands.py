@@ -25,7 +25,7 @@ class Bands(eqx.Module):
     labels: tuple[str, ...] = eqx.field(static=True)
     lines: Int[np.ndarray, " b"]
     null: Float[np.ndarray, " b"]
-    band: tuple[np.ndarray, ...]
+    band: tuple[Int[np.ndarray, " _"], ...]
     lengths: tuple[int, ...] = eqx.field(static=True)
 
     def powers(self, e: Float[np.ndarray, "k r n"]) -> Float[np.ndarray, "b k"]:

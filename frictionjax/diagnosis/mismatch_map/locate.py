@@ -112,7 +112,9 @@ def floor_of_samples(floor: Float[np.ndarray, "r b"] | None, scene: Scene) -> Fl
     return np.ones(shape) if floor is None else np.repeat(np.maximum(floor, 1.0), scene.batch.block, axis=1)
 
 
-def _with_shares(rows: list[MismatchBin], weights: np.ndarray, members: list[int]) -> list[MismatchBin]:
+def _with_shares(
+    rows: list[MismatchBin], weights: Float[np.ndarray, " b"], members: list[int]
+) -> list[MismatchBin]:
     """The bins of one axis, the `members` of `rows`, with their shares of the excess; `weights`: power of
     noise alone in each."""
     extra = np.array([max(rows[i].excess - 1.0, 0.0) * weights[i] for i in members])

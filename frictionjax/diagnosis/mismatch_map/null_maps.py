@@ -44,7 +44,9 @@ class Chance(eqx.Module):
         return (1.0 + reached) / (1.0 + self.largest.size)
 
 
-def statistic_of(power: np.ndarray, own: np.ndarray, spread: np.ndarray) -> np.ndarray:
+def statistic_of(
+    power: Float[np.ndarray, "b ..."], own: Float[np.ndarray, "b ..."], spread: Float[np.ndarray, "b ..."]
+) -> Float[np.ndarray, "b ..."]:
     """How far each bin's power lies above its floor: log P over its standard error from clusters, which is bounded
     between that under the null hypothesis and three times that.
 
@@ -65,8 +67,8 @@ class _NoiseFilter(eqx.Module):
     """From noise to the innovations of one recording's observer: `zeros` of the filter for the sensor's noise, its
     `poles`, and the gains for the sensor's noise and for a white force on a free mass."""
 
-    zeros: np.ndarray
-    poles: np.ndarray
+    zeros: Float[np.ndarray, " z"]
+    poles: Float[np.ndarray, " p"]
     sensor_gain: float
     force_gain: float
 
@@ -130,7 +132,7 @@ def chance_of(
     - `mapping`: as `map`; that of an executor draws in parallel.
     """
 
-    def draw(number: int) -> tuple[np.ndarray, np.ndarray]:
+    def draw(number: int) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
         rng = np.random.default_rng((_SEED, number))
         e = draw_innovations(scene, floor, min(_TOGETHER, draws), rng)
         power, scatter = tally.powers(tally.sums(e**2))

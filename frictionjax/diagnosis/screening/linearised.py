@@ -9,14 +9,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
+from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import all_columns
-from frictionjax.physics import Drive, Push
-from frictionjax.physics.effects import AbstractEffect
-from frictionjax.simulation import innovation_gain, observe
+from frictionjax.physics import Drive, LuGre, Push
+from frictionjax.physics.effects import AbstractEffect, Before
+from frictionjax.simulation import Gains, innovation_gain, observe
+from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.injected import Along, Signals, along, injected_innovations, signals_along
 from frictionjax.simulation.observer import corrected_states
 
@@ -36,9 +38,9 @@ class Weighing(eqx.Module):
 
     weight: Float[Array, "r n"]
     base: Float[Array, "q m"]
-    gram: np.ndarray
-    right: np.ndarray
-    clusters: np.ndarray
+    gram: Float[np.ndarray, "q q"]
+    right: Float[np.ndarray, " q"]
+    clusters: Float[np.ndarray, "c q"]
 
 
 class Present(eqx.Module):
@@ -61,12 +63,14 @@ class Present(eqx.Module):
     samples: float
     motion: Along | None
 
-    def lanes(self, blocks: Iterable[tuple[list[Posterior], list]]) -> Iterator[Float[Array, "lanes r n"]]:
+    def lanes(
+        self, blocks: Iterable[tuple[list[Posterior], list[Float[Array | np.ndarray, " q"]]]]
+    ) -> Iterator[Float[Array, "lanes r n"]]:
         """Standardised innovations of this model with one more effect, for each of the `blocks`: posteriors of one
         layout and as many vectors. The signals of the effect along the observed motion are injected. A block has
         `BESIDE` lanes or more; copies of its last vector fill the rest. Where the motion is imposed the model with the
         effect is simulated itself."""
-        ready: list[tuple[Array, Signals]] = []
+        ready: list[tuple[Float[Array, "k p"], Signals]] = []
         for posteriors, vectors in blocks:
             filled = [*vectors, *[vectors[-1]] * (BESIDE - len(vectors))]
             posteriors = [*posteriors, *[posteriors[-1]] * (BESIDE - len(posteriors))]
@@ -83,7 +87,9 @@ class Present(eqx.Module):
         for block in ready:
             yield from self._run([block])
 
-    def _ready(self, posteriors: list[Posterior], vectors: list) -> tuple[Float[Array, "k q"], Signals]:
+    def _ready(
+        self, posteriors: list[Posterior], vectors: list[Float[Array | np.ndarray, " q"]]
+    ) -> tuple[Float[Array, "k p"], Signals]:
         """The `vectors` without the coordinates of the effect, and the signals of the effect at each of them."""
         assert self.motion is not None
         old, more = len(self.joint.layout), len(posteriors[0].layout)
@@ -95,7 +101,7 @@ class Present(eqx.Module):
         stack = np.stack([np.asarray(vector) for vector in vectors])
         return jnp.asarray(np.concatenate([stack[:, :old], stack[:, more:]], axis=1)), signals
 
-    def _run(self, blocks: list) -> list[Float[Array, "lanes r n"]]:
+    def _run(self, blocks: list[tuple[Float[Array, "k p"], Signals]]) -> list[Float[Array, "lanes r n"]]:
         """Innovations of each of the `blocks`. One compiled program serves all: it runs `_TOGETHER` of them, the last
         one repeated where there are fewer."""
         assert self.motion is not None
@@ -104,14 +110,16 @@ class Present(eqx.Module):
         vectors, signals = zip(*filled, strict=True)
         return _injected_lanes(self.joint, vectors, push, signals)[: len(blocks)]
 
-    def injected(self, posteriors: list[Posterior], vectors: list) -> Float[Array, "k r n"]:
+    def injected(
+        self, posteriors: list[Posterior], vectors: list[Float[Array | np.ndarray, " q"]]
+    ) -> Float[Array, "k r n"]:
         """`lanes` for any number of `vectors` of one effect, with as many `posteriors`, shape `(k, r, n)`."""
         parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
         found = self.lanes((posteriors[part], vectors[part]) for part in parts)
         return jnp.concatenate(list(found))[: len(vectors)]
 
 
-def _effect_at(posterior: Posterior, vector) -> AbstractEffect:
+def _effect_at(posterior: Posterior, vector: Float[Array | np.ndarray, " q"]) -> AbstractEffect:
     """The last effect of the `posterior` at a free `vector`."""
     effect, place = posterior.drive.effects[-1], len(posterior.drive.effects) - 1
     values, point = {}, np.asarray(vector)
@@ -130,8 +138,10 @@ def _effect_at(posterior: Posterior, vector) -> AbstractEffect:
 
 
 @eqx.filter_jit
-def _motion(drive, deflection, batch, gains):
-    def one(u, x, dt, gains, start):
+def _motion(drive: Drive, deflection: Float[Array, " r"], batch: Batch, gains: Gains) -> Along:
+    def one(
+        u: Float[Array, " n"], x: Float[Array, " n"], dt: Float[Array, ""], gains: Gains, start: Start
+    ) -> Along:
         observed = observe(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=batch.substeps)
         return along(drive, corrected_states(drive, observed, gains), u, dt)
 
@@ -139,12 +149,18 @@ def _motion(drive, deflection, batch, gains):
 
 
 @eqx.filter_jit
-def _signals(effects, model, motion, dt, before):
+def _signals(
+    effects: AbstractEffect,
+    model: tuple[LuGre, Float[Array, ""], Float[Array, ""]],
+    motion: Along,
+    dt: Float[Array, " r"],
+    before: Before,
+) -> Signals:
     # Nothing here depends on the effects of the model: each form is compiled once.
-    def lane(effect):
+    def lane(effect: AbstractEffect) -> Signals:
         friction, inertia, motor_constant = model
 
-        def one(known, dt, before):
+        def one(known: Along, dt: Float[Array, ""], before: Before) -> Signals:
             return signals_along(friction, inertia, motor_constant, effect, known, dt, before)
 
         return jax.vmap(one)(motion, dt, before)
@@ -153,7 +169,9 @@ def _signals(effects, model, motion, dt, before):
 
 
 @eqx.filter_jit
-def _injected_lanes(posterior, vectors, push, signals):
+def _injected_lanes(
+    posterior: Posterior, vectors: tuple[Float[Array, "k p"], ...], push: Push, signals: tuple[Signals, ...]
+) -> list[Float[Array, "k r n"]]:
     batch, gains, count = posterior.batch, posterior.recordings.gains, posterior.parameters
     stack = jnp.concatenate(vectors)
     drives = jax.vmap(posterior.drive_of)(stack)
@@ -166,14 +184,24 @@ def _injected_lanes(posterior, vectors, push, signals):
 
 
 @eqx.filter_jit
-def _fine(posterior, vector, e):
+def _fine(posterior: Posterior, vector: Float[Array, " q"], e: Float[Array, "r n"]) -> Float[Array, "r n"]:
     drive = posterior.drive_of(vector)
     fine = posterior.recordings.standardised(drive, vector[posterior.parameters :], finer=_FINER)
     return jnp.where(jnp.isfinite(fine), fine, e)
 
 
 @eqx.filter_jit
-def _weighing(power, scale, e, fine, jacobian, weights, prior):
+def _weighing(
+    power: Float[Array, "r b"],
+    scale: Float[Array, ""],
+    e: Float[Array, "r n"],
+    fine: Float[Array, "r n"],
+    jacobian: Float[Array, "q r n"],
+    weights: Float[Array, "r n"],
+    prior: Float[Array, " q"],
+) -> tuple[
+    Float[Array, "r n"], Float[Array, "q m"], Float[Array, "q q"], Float[Array, " q"], Float[Array, "c q"]
+]:
     block = e.shape[1] // power.shape[1]
     weight = jnp.repeat(1.0 / (power + scale), block, axis=-1) * weights
     weighted = jacobian * weight[None]

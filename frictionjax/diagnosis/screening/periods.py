@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from scipy.signal import find_peaks
 
 from frictionjax.estimation.data.batch import AbstractBatch
@@ -26,8 +27,8 @@ class Wavelengths(NamedTuple):
 
 
 def wavelengths(
-    innovation: np.ndarray,
-    speed: np.ndarray,
+    innovation: Float[np.ndarray, "r n"],
+    speed: Float[np.ndarray, "r n"],
     batch: AbstractBatch,
     *,
     odd: bool,

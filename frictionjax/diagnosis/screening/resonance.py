@@ -8,6 +8,7 @@ starts at the measured pair.
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Complex, Float, Int
 from scipy.signal import csd, welch
 
 from frictionjax.core import InputError
@@ -28,7 +29,7 @@ class Pair(NamedTuple):
     ratio: float
 
 
-def resonance_pair(batch: Batch, rows: np.ndarray) -> Pair | None:
+def resonance_pair(batch: Batch, rows: Int[np.ndarray, " k"]) -> Pair | None:
     """The pair in that of the recordings `rows` of the `batch` with the highest coherence; None where none has one."""
     best: tuple[float, Pair] | None = None
     inputs, positions = np.asarray(batch.u), np.asarray(batch.x)
@@ -49,7 +50,7 @@ def resonance_pair(batch: Batch, rows: np.ndarray) -> Pair | None:
     return best[1] if best is not None else None
 
 
-def _pair(frequency: np.ndarray, response: np.ndarray) -> Pair | None:
+def _pair(frequency: Float[np.ndarray, " f"], response: Complex[np.ndarray, " f"]) -> Pair | None:
     try:
         found = resonances(frequency, response)
     except InputError:
