@@ -1,6 +1,7 @@
 """The result of `diagnose`: nouns that mirror verdict.json, schema frictionjax.verdict/1."""
 
 import importlib
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -32,7 +33,8 @@ class NextExperiment(eqx.Module):
     sentence: str = eqx.field(static=True)
 
 
-class MissingEffect(eqx.Module):
+@dataclass(frozen=True)
+class MissingEffect:
     """One named piece of missing physics.
 
     **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot distinguish from it,
@@ -44,31 +46,33 @@ class MissingEffect(eqx.Module):
     `confidence` comes from: `Evidence` in `confidence.py`).
     """
 
-    effect: str = eqx.field(static=True)
-    effect_class: tuple[str, ...] = eqx.field(static=True)
-    confidence: float = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
-    parameters: dict[str, Estimate] = eqx.field(static=True)
-    where: str = eqx.field(static=True)
-    split_by: str = eqx.field(static=True, default="")
-    sentence: str = eqx.field(static=True, default="")
+    effect: str
+    effect_class: tuple[str, ...]
+    confidence: float
+    p_value: float
+    parameters: dict[str, Estimate]
+    where: str
+    split_by: str = ""
+    sentence: str = ""
     next_experiment: NextExperiment | None = None
-    evidence: tuple[float, ...] = eqx.field(static=True, default=())
+    evidence: tuple[float, ...] = ()
 
 
-class Unexplained(eqx.Module):
+@dataclass(frozen=True)
+class Unexplained:
     """What no effect of the catalogue explains: whether it is significant, `present`, its `share` of the excess, and
     `where`; the variable over which a nonparametric map of the residual force predicts held-out recordings,
     `carried_by` (empty when none does), and the share of their remaining misfit that the map `explains`."""
 
-    present: bool = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    where: str = eqx.field(static=True)
-    carried_by: str = eqx.field(static=True, default="")
-    explains: float = eqx.field(static=True, default=0.0)
+    present: bool
+    share: float
+    where: str
+    carried_by: str = ""
+    explains: float = 0.0
 
 
-class MismatchBin(eqx.Module):
+@dataclass(frozen=True)
+class MismatchBin:
     """One bin of the map of the base model's mismatch.
 
     **Attributes:** `axis` (regime, time, velocity, position, direction, input, frequency, since_reversal, dwell),
@@ -78,16 +82,17 @@ class MismatchBin(eqx.Module):
     NaN when not computed).
     """
 
-    axis: str = eqx.field(static=True)
-    bin: str = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    excess: float = eqx.field(static=True)
-    excess_extended: float = eqx.field(static=True, default=float("nan"))
-    count: int = eqx.field(static=True, default=0)
-    p_value: float = eqx.field(static=True, default=float("nan"))
+    axis: str
+    bin: str
+    share: float
+    excess: float
+    excess_extended: float = float("nan")
+    count: int = 0
+    p_value: float = float("nan")
 
 
-class Within(eqx.Module):
+@dataclass(frozen=True)
+class Within:
     """Which part of another axis contains the excess of the strongest bins.
 
     **Attributes:** `axis`, `bin` (a bin of it, or all bins beyond one edge, with units), `phrase` (the same as words
@@ -96,15 +101,15 @@ class Within(eqx.Module):
     `excess_elsewhere` (in the rest of them), `p_value` (of equal power in both, corrected for all parts compared).
     """
 
-    axis: str = eqx.field(static=True)
-    bin: str = eqx.field(static=True)
-    phrase: str = eqx.field(static=True)
-    given: str = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    samples: float = eqx.field(static=True)
-    excess: float = eqx.field(static=True)
-    excess_elsewhere: float = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
+    axis: str
+    bin: str
+    phrase: str
+    given: str
+    share: float
+    samples: float
+    excess: float
+    excess_elsewhere: float
+    p_value: float
 
     @property
     def only(self) -> bool:
@@ -112,7 +117,8 @@ class Within(eqx.Module):
         return self.share >= 0.9 and self.excess_elsewhere - 1.0 <= 0.1 * (self.excess - 1.0)
 
 
-class Candidate(eqx.Module):
+@dataclass(frozen=True)
+class Candidate:
     """One effect of the catalogue, and the evidence for it.
 
     **Attributes:** `effect`, `p_value`, `minimum_detectable` (parameter name to the smallest size, in its unit,
@@ -121,15 +127,15 @@ class Candidate(eqx.Module):
     `one_step` (parameter name to its one-step estimate), `units` (parameter name to its unit, as text).
     """
 
-    effect: str = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
-    minimum_detectable: dict[str, float] = eqx.field(static=True)
-    tested: bool = eqx.field(static=True)
-    reason: str = eqx.field(static=True)
-    gain_fit: float = eqx.field(static=True, default=float("nan"))
-    gain_holdout: float = eqx.field(static=True, default=float("nan"))
-    one_step: dict[str, float] = eqx.field(static=True, default_factory=dict)
-    units: dict[str, str] = eqx.field(static=True, default_factory=dict)
+    effect: str
+    p_value: float
+    minimum_detectable: dict[str, float]
+    tested: bool
+    reason: str
+    gain_fit: float = float("nan")
+    gain_holdout: float = float("nan")
+    one_step: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
 
 
 class RecordingFit(eqx.Module):
