@@ -30,7 +30,7 @@ class Scene(eqx.Module):
 
 
 class Judgement(eqx.Module):
-    """What one model leaves of all recordings.
+    """One model, and the innovations that it leaves in all recordings.
 
     **Attributes:** `drive`, `vector` (shape `(q,)`; the last `r` are the starting deflections), `power` (mean square of
     the standardised innovations in each block, `(r, b)`), `held_out` (bool, `(r,)`), `batch`.

@@ -26,7 +26,7 @@ _COLOUR = 2.0
 _BEYOND = 1e100  # in noise levels: the largest difference of two runs that is squared
 _ASTRAY = 1.0  # power, over that of the noise, by which two runs differ in an unpredictable block
 # Of Coulomb friction, at each sample: more than this is missing physics, not a disturbance, and must not raise the
-# floor that missing physics is measured from. (An effect that acts whenever the machine slides would explain as more.)
+# floor that missing physics is measured from. (Effects that act in all of sliding give larger estimates.)
 _LARGEST = 0.005
 
 
