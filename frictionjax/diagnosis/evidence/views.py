@@ -12,6 +12,7 @@ from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
 from frictionjax.estimation.data.batch import Batch, rows_of
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
     Gains,
@@ -22,7 +23,6 @@ from frictionjax.simulation import (
     residual_force_std,
     simulate,
 )
-from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.prediction import run_ahead
 
 _AHEAD = 0.1  # s
@@ -59,7 +59,7 @@ def _view(
         x: Float[Array, " n"],
         dt: Float[Array, ""],
         gains: Gains,
-        start: Start,
+        start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
         x_first: Float[Array, ""],
         length: Int[Array, ""],
     ) -> tuple[Float[Array, " n"], ...]:

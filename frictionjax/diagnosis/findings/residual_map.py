@@ -78,7 +78,7 @@ def residual_model(
         variable, form = item
         instances = forms_to_try(form, scales, {})
         if spot is not None and variable.startswith("position"):
-            instances.append(form(middle=spot[0], half=spot[1]))
+            instances.append(form(middle=spot[0], half=spot[1]))  # type: ignore[call-arg]
         trials = try_form(present, instances, scales)
         return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
 

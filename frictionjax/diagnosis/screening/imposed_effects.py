@@ -1,8 +1,11 @@
 """Effects under an imposed motion are simulated directly: the motion does not depend on the model."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.objective.posterior import Posterior
@@ -10,12 +13,15 @@ from frictionjax.physics import Drive
 
 
 def errors_with_effect(
-    posteriors: list[Posterior], vectors: list[Float[Array, " q"]]
+    posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
 ) -> Float[Array, "k r n"]:
     """Standardised errors of the force for each of `vectors` of as many `posteriors`, which have one layout and may
     differ in fixed parameters, shape `(k, r, n)`."""
-    own = jax.tree.map(lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in posteriors))
-    return _side_by_side(posteriors[0], *own, jnp.stack([jnp.asarray(vector) for vector in vectors]))
+    drives, starts = jax.tree.map(
+        lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in posteriors)
+    )
+    stacked = jnp.stack([jnp.asarray(vector) for vector in vectors])
+    return _side_by_side(posteriors[0], drives, starts, stacked)
 
 
 @eqx.filter_jit

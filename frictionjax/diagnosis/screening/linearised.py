@@ -1,6 +1,6 @@
 """The fitted model, linearised for the tests of effects: innovations, weighted Jacobian, effects injected into it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import equinox as eqx
 import jax
@@ -64,7 +64,7 @@ class Present(eqx.Module):
     motion: Along | None
 
     def lanes(
-        self, blocks: Iterable[tuple[list[Posterior], list[Float[Array | np.ndarray, " q"]]]]
+        self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Array | np.ndarray, " q"]]]]
     ) -> Iterator[Float[Array, "lanes r n"]]:
         """Standardised innovations of this model with one more effect, for each of the `blocks`: posteriors of one
         layout and as many vectors. The signals of the effect along the observed motion are injected. A block has
@@ -88,7 +88,7 @@ class Present(eqx.Module):
             yield from self._run([block])
 
     def _ready(
-        self, posteriors: list[Posterior], vectors: list[Float[Array | np.ndarray, " q"]]
+        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
     ) -> tuple[Float[Array, "k p"], Signals]:
         """The `vectors` without the coordinates of the effect, and the signals of the effect at each of them."""
         assert self.motion is not None
@@ -111,7 +111,7 @@ class Present(eqx.Module):
         return _injected_lanes(self.joint, vectors, push, signals)[: len(blocks)]
 
     def injected(
-        self, posteriors: list[Posterior], vectors: list[Float[Array | np.ndarray, " q"]]
+        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
     ) -> Float[Array, "k r n"]:
         """`lanes` for any number of `vectors` of one effect, with as many `posteriors`, shape `(k, r, n)`."""
         parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
@@ -172,7 +172,9 @@ def _signals(
 def _injected_lanes(
     posterior: Posterior, vectors: tuple[Float[Array, "k p"], ...], push: Push, signals: tuple[Signals, ...]
 ) -> list[Float[Array, "k r n"]]:
-    batch, gains, count = posterior.batch, posterior.recordings.gains, posterior.parameters
+    recordings, count = posterior.recordings, posterior.parameters
+    assert isinstance(recordings, Observed)
+    batch, gains = recordings.batch, recordings.gains
     stack = jnp.concatenate(vectors)
     drives = jax.vmap(posterior.drive_of)(stack)
     z0 = stack[:, count:] * (drives.friction.Fs / drives.friction.sigma0)[:, None]
