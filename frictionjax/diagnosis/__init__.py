@@ -1,4 +1,4 @@
-"""From recordings to a verdict: locate the mismatch, name it, model it, judge it on recordings kept aside."""
+"""From recordings to a verdict: locate the mismatch, name it, model it, verify it on held-out recordings."""
 
 from frictionjax.diagnosis.diagnose import diagnose as diagnose
 from frictionjax.diagnosis.verdict import Diagnosis as Diagnosis

@@ -1,4 +1,4 @@
-"""`diagnose`: from a case to a verdict; strings the steps together."""
+"""`diagnose`: from a case to a verdict; the table of contents of a diagnosis."""
 
 import os
 import time
@@ -6,6 +6,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
 from frictionjax.core.compile_time import CompileClock
@@ -17,7 +18,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
-from frictionjax.diagnosis.findings.not_diagnosed import unscored
+from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
@@ -77,12 +78,12 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
     """
     require_x64()
     check(case)
-    own = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
+    threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
-        return _diagnose(case, own or executor, progress)  # type: ignore[arg-type]
+        return _diagnose(case, threads or executor, progress)  # type: ignore[arg-type]
     finally:
-        if own is not None:
-            own.shutdown(cancel_futures=True)
+        if threads is not None:
+            threads.shutdown(cancel_futures=True)
 
 
 def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
@@ -93,47 +94,45 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     starting = starting_point(case)
     clock.stage("start")
     scene = starting.scene
-    known = plant.inertia is not None
     base = base_of(
         starting,
         executor,
         lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
-        known_inertia=known,
+        known_inertia=plant.inertia is not None,
     )
     notes = list(starting.notes)
     scene = _with_steps_of(scene, base)
-    credible, known = credibility(base), ""
+    credible, error = credibility(base), ""
     if not credible.credible:
         progress("checking sign and inertia", 0.2)
-        known = mistake(case, lambda other: _base_alone(other, executor))
+        error = mistake(case, lambda other: _base_alone(other, executor))
     clock.stage("base fit")
-    untestable, unseen = not_testable(case, starting.batch)
+    untestable, barred_forms = not_testable(case, starting.batch)
     steps: list[Step] = []
-    if not known:
+    if not error:
         steps = select(
             base,
             executor,
             lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-            without=unseen | frozenset(idle_effects() if starting.imposed else ()),
+            without=barred_forms | frozenset(idle_effects() if starting.imposed else ()),
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
         )
     clock.stage("naming")
-    if not credible.credible:
-        # What is missing may be most of the force: gravity on a pendulum.
-        mended = [step.accepted for step in steps if step.accepted is not None]
-        if not mended or not credibility(mended[-1].model).credible:
-            own = parameters_of(base, units)
-            warnings = (
-                what_to_check(credible, case, known),
-                *_warnings(case, own, message_of(base), starting.notes),
-            )
-            seen = view(base.judgement, scene)
-            clock.stage("judging")
-            return unscored(case, base, scene, seen, own, warnings, clock.report(compiling))
-        notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in mended)))
-    base = steps[0].before
     accepted = [step.accepted for step in steps if step.accepted is not None]
+    if not credible.credible:
+        # The missing effect may be most of the force: gravity on a pendulum.
+        if not accepted or not credibility(accepted[-1].model).credible:
+            values = parameters_of(base, units)
+            warnings = (
+                what_to_check(credible, case, error),
+                *_warnings(case, values, message_of(base), starting.notes),
+            )
+            base_view = view(base.judgement, scene)
+            clock.stage("judging")
+            return not_diagnosed(case, base, scene, base_view, values, warnings, clock.report(compiling))
+        notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in accepted)))
+    base = steps[0].before
     last = accepted[-1].model if accepted else base
     verdict, left = verdict_of(steps)
     if steps[0].together:
@@ -148,27 +147,27 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     scene = _with_steps_of(scene, final)
 
     def parameters(model: Model) -> Future:
-        # What a base model lacks biases its parameters by more than an unmeasured force does.
+        # A missing effect biases the parameters of the base model by more than an unmeasured force does.
         force = steps[-1].force if model is last else 0.0
         return executor.submit(reported_parameters, model, units, force, lacking=model is base is not final)
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
     if residual is not None and residual.helps:
-        own_view = base_view if last is base else view(last.judgement, scene)
-        before, after = (held_out_error(seen, scene) for seen in (own_view, extended_view))
+        last_view = base_view if last is base else view(last.judgement, scene)
+        before, after = (held_out_error(predicted, scene) for predicted in (last_view, extended_view))
         if after > before:
             notes.append(_MAP_REJECTED.format(residual.variable, before, after))
-            residual, final, extended_view = None, last, own_view
+            residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
     progress("mapping the mismatch", 0.95)
     located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
     bins = located.bins
-    (base_parameters, _), (extended, coarse) = of_base.result(), (of_final or of_base).result()
-    extended, likeness = moved(extended, last.joint.layout, steps)
-    notes += [text for text in (coarse, likeness) if text]
-    experiments, not_designed = _experiments(steps, progress)
-    notes += not_designed
+    (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
+    extended, biased = moved(extended, last.joint.layout, steps)
+    notes += [text for text in (warning, biased) if text]
+    experiments, without_experiment = _experiments(steps, progress)
+    notes += without_experiment
     missing = _missing(steps, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual)
     fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive)
@@ -192,14 +191,14 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
 
 
 def _with_steps_of(scene: Scene, model: Model) -> Scene:
-    """The `scene`, simulated with as many integration steps a sample as the `model`."""
+    """The `scene` with as many integration steps a sample as the `model`."""
     steps = model.joint.batch.substeps
-    return eqx.tree_at(lambda own: own.batch, scene, scene.batch.with_substeps(steps))
+    return eqx.tree_at(lambda s: s.batch, scene, scene.batch.with_substeps(steps))
 
 
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
-    """What base and final model predict for all recordings; the base model as the final one with effects of zero
-    strength, so that both are compiled once."""
+    """What base and final model predict for all recordings. The base model gets the effects of the final one at zero
+    strength, so that both share one compiled program."""
     extended = view(final.judgement, scene)
     if final is base:
         return extended, extended
@@ -209,7 +208,7 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
 
 
 def _base_alone(case: Case, executor: Executor) -> Model:
-    """The base model of a changed case."""
+    """The base model fitted to a corrected case."""
     return base_of(starting_point(case), executor, silent, known_inertia=case.plant.inertia is not None)
 
 
@@ -231,26 +230,27 @@ class _Stages:
 
 
 def _map(
-    seen: View,
+    predicted: View,
     extended: View,
     base: Drive,
     plant: Plant,
     scene: Scene,
-    floor: np.ndarray,
+    floor: Float[np.ndarray, "r b"],
     executor: Executor,
 ) -> Located:
     batch = scene.batch
     inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
-    axes = axes_of(Motion(np.asarray(batch.x), seen.v, seen.bend, inputs), base, plant, scene)
+    axes = axes_of(Motion(np.asarray(batch.x), predicted.v, predicted.bend, inputs), base, plant, scene)
     if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(seen, extended, axes, scene, floor, mapping=executor.map)
+    return locate(predicted, extended, axes, scene, floor, mapping=executor.map)
 
 
 def _unexplained(
     verdict: Verdict, left: tuple[bool, float], bins: tuple[MismatchBin, ...], residual: ResidualModel | None
 ) -> Unexplained:
-    """What remains, where it acts, and over which variable a map of it predicts held-out recordings."""
+    """What remains: whether it is significant and its share (`left`), in which regime, and over which variable a map of
+    it predicts held-out recordings."""
     present, share = left
     regimes = [b for b in bins if b.axis == "regime"]
     if verdict == "unknown" and residual is None:
@@ -262,15 +262,15 @@ def _unexplained(
         return Unexplained(present, share, where)
     strong = strongest(bins, "regime")
     where = strong.bin if strong is not None else where
-    carried = residual.variable if residual.helps else ""
-    if carried:
-        where = f"{where}; carried by {carried}"
-    return Unexplained(present, share, where, carried, residual.compared.share_holdout if carried else 0.0)
+    variable = residual.variable if residual.helps else ""
+    if variable:
+        where = f"{where}; carried by {variable}"
+    return Unexplained(present, share, where, variable, residual.compared.share_holdout if variable else 0.0)
 
 
 def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
-    """Named effect -> the experiment that distinguishes it from the closest of its class; and why there is none, where
-    there is none."""
+    """Named effect -> the experiment that distinguishes it from the closest of its class; and why there is none for
+    the others."""
     found, failed = {}, []
     for step in steps:
         if step.accepted is None or not step.rivals:
@@ -299,16 +299,16 @@ def _missing(
     experiments: dict[str, NextExperiment],
 ) -> tuple[MissingEffect, ...]:
     missing = []
-    believed = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
-    for step, evidence in believed:
+    named = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
+    for step, evidence in named:
         found = step.accepted
         if found is None:
             continue
-        joint = found.model.joint
-        place = len(joint.drive.effects) - 1
-        effect = joint.drive.effects[-1]
-        own = f"effects.{place}."
-        named = {p.parameter.name: extended[p.label] for p in joint.layout if p.path.startswith(own)}
+        posterior = found.model.joint
+        effect, prefix = posterior.drive.effects[-1], f"effects.{len(posterior.drive.effects) - 1}."
+        parameters = {
+            p.parameter.name: extended[p.label] for p in posterior.layout if p.path.startswith(prefix)
+        }
         members = (found.effect, *step.rivals)
         missing.append(
             MissingEffect(
@@ -316,7 +316,7 @@ def _missing(
                 effect_class=members,
                 confidence=round(evidence.confidence, 3),
                 p_value=effect_p_values(step.trials)[found.effect],
-                parameters=named,
+                parameters=parameters,
                 where=where,
                 split_by=_split_by(effect, members, experiments.get(found.effect)),
                 next_experiment=experiments.get(found.effect),
@@ -336,9 +336,10 @@ def _split_by(effect: AbstractEffect, members: tuple[str, ...], designed: NextEx
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:
     warnings = [f"{r.name}: {text}" for r in case.recordings for text in r.warnings]
     warnings += list(notes)
-    vague = [name for name, estimate in base.items() if not estimate.identified]
-    if vague:
-        warnings.append(f"Not identifiable from these recordings: {', '.join(vague)} of the base model.")
+    unidentified = [name for name, estimate in base.items() if not estimate.identified]
+    if unidentified:
+        names = ", ".join(unidentified)
+        warnings.append(f"Not identifiable from these recordings: {names} of the base model.")
     if message:
         warnings.append(f"Base fit: {message}")
     return tuple(dict.fromkeys(warnings))

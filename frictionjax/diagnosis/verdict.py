@@ -1,6 +1,7 @@
 """The result of `diagnose`: nouns that mirror verdict.json, schema frictionjax.verdict/1."""
 
 import importlib
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +17,7 @@ Verdict = Literal["adequate", "named", "unknown"]
 
 
 class NextExperiment(eqx.Module):
-    """An experiment that separates two names.
+    """An experiment that distinguishes two effects.
 
     **Attributes:** `between` (the two effects), `experiment` (in words), `d_prime` (distance of the two models in
     standard deviations, for one pass), `seconds` (how long it must last for a distance of 5), `u` (the input of one
@@ -32,7 +33,8 @@ class NextExperiment(eqx.Module):
     sentence: str = eqx.field(static=True)
 
 
-class MissingEffect(eqx.Module):
+@dataclass(frozen=True)
+class MissingEffect:
     """One named piece of missing physics.
 
     **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot distinguish from it,
@@ -44,92 +46,96 @@ class MissingEffect(eqx.Module):
     `confidence` comes from: `Evidence` in `confidence.py`).
     """
 
-    effect: str = eqx.field(static=True)
-    effect_class: tuple[str, ...] = eqx.field(static=True)
-    confidence: float = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
-    parameters: dict[str, Estimate] = eqx.field(static=True)
-    where: str = eqx.field(static=True)
-    split_by: str = eqx.field(static=True, default="")
-    sentence: str = eqx.field(static=True, default="")
+    effect: str
+    effect_class: tuple[str, ...]
+    confidence: float
+    p_value: float
+    parameters: dict[str, Estimate]
+    where: str
+    split_by: str = ""
+    sentence: str = ""
     next_experiment: NextExperiment | None = None
-    evidence: tuple[float, ...] = eqx.field(static=True, default=())
+    evidence: tuple[float, ...] = ()
 
 
-class Unexplained(eqx.Module):
-    """What no effect of the catalogue explains: whether it is significant, its `share` of the excess, and `where`;
-    the variable over which a nonparametric map of the residual force predicts recordings kept aside, `carried_by`
-    (empty when none does), and the share of what remained there that the map `explains`."""
+@dataclass(frozen=True)
+class Unexplained:
+    """What no effect of the catalogue explains: whether it is significant, `present`, its `share` of the excess, and
+    `where`; the variable over which a nonparametric map of the residual force predicts held-out recordings,
+    `carried_by` (empty when none does), and the share of their remaining misfit that the map `explains`."""
 
-    present: bool = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    where: str = eqx.field(static=True)
-    carried_by: str = eqx.field(static=True, default="")
-    explains: float = eqx.field(static=True, default=0.0)
+    present: bool
+    share: float
+    where: str
+    carried_by: str = ""
+    explains: float = 0.0
 
 
-class MismatchBin(eqx.Module):
+@dataclass(frozen=True)
+class MismatchBin:
     """One bin of the map of the base model's mismatch.
 
     **Attributes:** `axis` (regime, time, velocity, position, direction, input, frequency, since_reversal, dwell),
     `bin` (its label, with units), `share` (part of the total excess; the shares of one axis add to 1), `excess`
-    (standardised residual power over its null level), `excess_extended` (the same after the extended model),
-    `count` (samples in the bin), `p_value` (chance that noise alone raises any bin of the whole map so far; NaN when
-    not computed).
+    (standardised residual power over the noise floor), `excess_extended` (the same for the extended model),
+    `count` (samples in the bin), `p_value` (family-wise: probability that noise alone raises any bin of the map as far;
+    NaN when not computed).
     """
 
-    axis: str = eqx.field(static=True)
-    bin: str = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    excess: float = eqx.field(static=True)
-    excess_extended: float = eqx.field(static=True, default=float("nan"))
-    count: int = eqx.field(static=True, default=0)
-    p_value: float = eqx.field(static=True, default=float("nan"))
+    axis: str
+    bin: str
+    share: float
+    excess: float
+    excess_extended: float = float("nan")
+    count: int = 0
+    p_value: float = float("nan")
 
 
-class Within(eqx.Module):
-    """Where the mismatch is inside the strongest bins: they are strong in one part of another axis alone.
+@dataclass(frozen=True)
+class Within:
+    """Which part of another axis contains the excess of the strongest bins.
 
     **Attributes:** `axis`, `bin` (a bin of it, or all bins beyond one edge, with units), `phrase` (the same as words
-    after "only"), `given` (the strongest bins, and the parts of other axes told before), `share` (of their excess that
-    lies in this part), `samples` (part of their samples that does), `excess` (power over its null level there),
-    `excess_elsewhere` (in the rest of them), `p_value` (of the two being alike, over all parts that were compared).
+    after "only"), `given` (the strongest bins, and the parts of other axes reported before), `share` (of their excess
+    that lies in this part), `samples` (share of their samples that does), `excess` (power over the noise floor there),
+    `excess_elsewhere` (in the rest of them), `p_value` (of equal power in both, corrected for all parts compared).
     """
 
-    axis: str = eqx.field(static=True)
-    bin: str = eqx.field(static=True)
-    phrase: str = eqx.field(static=True)
-    given: str = eqx.field(static=True)
-    share: float = eqx.field(static=True)
-    samples: float = eqx.field(static=True)
-    excess: float = eqx.field(static=True)
-    excess_elsewhere: float = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
+    axis: str
+    bin: str
+    phrase: str
+    given: str
+    share: float
+    samples: float
+    excess: float
+    excess_elsewhere: float
+    p_value: float
 
     @property
     def only(self) -> bool:
-        """Whether next to nothing of the excess lies elsewhere: a tenth of it at most, in total and per sample."""
+        """Whether almost all of the excess lies in this part: at most a tenth elsewhere, in total and per sample."""
         return self.share >= 0.9 and self.excess_elsewhere - 1.0 <= 0.1 * (self.excess - 1.0)
 
 
-class Candidate(eqx.Module):
-    """One effect of the catalogue and what the recordings say of it.
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue, and the evidence for it.
 
     **Attributes:** `effect`, `p_value`, `minimum_detectable` (parameter name to the smallest size, in its unit,
-    that these recordings would show), `tested`, `reason` (why not tested, or why refused), `gain_fit` and
+    that these recordings would show), `tested`, `reason` (why not tested, or why not named), `gain_fit` and
     `gain_holdout` (share of the base model's excess that a refit with it explains; NaN when not refitted),
     `one_step` (parameter name to its one-step estimate), `units` (parameter name to its unit, as text).
     """
 
-    effect: str = eqx.field(static=True)
-    p_value: float = eqx.field(static=True)
-    minimum_detectable: dict[str, float] = eqx.field(static=True)
-    tested: bool = eqx.field(static=True)
-    reason: str = eqx.field(static=True)
-    gain_fit: float = eqx.field(static=True, default=float("nan"))
-    gain_holdout: float = eqx.field(static=True, default=float("nan"))
-    one_step: dict[str, float] = eqx.field(static=True, default_factory=dict)
-    units: dict[str, str] = eqx.field(static=True, default_factory=dict)
+    effect: str
+    p_value: float
+    minimum_detectable: dict[str, float]
+    tested: bool
+    reason: str
+    gain_fit: float = float("nan")
+    gain_holdout: float = float("nan")
+    one_step: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
 
 
 class RecordingFit(eqx.Module):
@@ -139,8 +145,8 @@ class RecordingFit(eqx.Module):
     `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
     lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
     errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`. With `drive = "motion"` the force is the answer: the four model columns and the
-    errors are then in force units and `force` holds what was measured.
+    `prediction_rmse_extended`. With `drive = "motion"` the four model columns and the errors are those of the force, in
+    force units, and `force` is the measured one.
     """
 
     name: str = eqx.field(static=True)
@@ -170,7 +176,7 @@ class Diagnosis(eqx.Module):
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
-    `within` (which parts of other axes hold the excess of the strongest bins).
+    `within` (which parts of other axes contain the excess of the strongest bins).
     """
 
     case: str = eqx.field(static=True)
@@ -189,18 +195,18 @@ class Diagnosis(eqx.Module):
     within: tuple[Within, ...] = ()
 
     def held_out_rmse(self, kind: Literal["prediction", "free_run"] = "prediction") -> tuple[float, float]:
-        """Root mean square error on the recordings kept aside, each counted alike: of the base model and of the
-        extended one, of the `kind` that is predicted 0.1 s ahead or run freely from the start; position units, force
-        units under an imposed motion."""
-        held = [fit for fit in self.recordings if fit.role == "holdout"]
+        """Root mean square error on the held-out recordings, each with the same weight: of the base model and of the
+        extended one. `kind`: predicted 0.1 s ahead, or a free run from the start. Position units; force units under an
+        imposed motion."""
+        held_out = [fit for fit in self.recordings if fit.role == "holdout"]
         base, extended = (
-            float(np.sqrt(np.mean([getattr(fit, f"{kind}_rmse_{model}") ** 2 for fit in held])))
+            float(np.sqrt(np.mean([getattr(fit, f"{kind}_rmse_{model}") ** 2 for fit in held_out])))
             for model in ("base", "extended")
         )
         return base, extended
 
     def explain(self, effect: str) -> str:
-        """Why `effect` was named or was not, in a few sentences.
+        """Why `effect` was named or not, in a few sentences.
 
         Raises `InputError` for a name that is not in the catalogue.
         """

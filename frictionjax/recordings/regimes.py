@@ -70,7 +70,7 @@ def find_regimes(
     block = min(max(4, round(_BLOCK * sample_rate)), max(1, x.size))
     count = x.size // block
     still = np.ptp(x[: count * block].reshape(count, block), axis=1) <= 7.0 * resolution
-    rests = [run for run in _runs(still) if (run[1] - run[0]) * block >= REST_TIME * sample_rate]
+    rests = [run for run in runs(still) if (run[1] - run[0]) * block >= REST_TIME * sample_rate]
     resting = np.zeros(x.size, dtype=bool)
     for begin, end in rests:
         resting[begin * block : end * block] = True
@@ -191,7 +191,7 @@ def _velocity(x: Float[np.ndarray, " n"], sample_rate: float) -> Float[np.ndarra
     return np.pad(inner, half, mode="edge")
 
 
-def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
-    """Begin and end of every stretch of True."""
+def runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
+    """First index of every stretch of True in the `flags`, and the index after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

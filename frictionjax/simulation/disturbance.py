@@ -16,7 +16,7 @@ def residual_force(
     force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
-    bandwidth: float,
+    bandwidth: float | Float[Array, ""],
     start: Start,
     *,
     substeps: int = 1,

@@ -82,7 +82,7 @@ BAD = {
     "no input": (_case(0.0 * U, X), "recording a: u is zero throughout"),
     "not a number": (_case(U, np.where(T > 1.0, np.nan, X)), "999 values of x are not finite, the first at"),
     "infinite": (_case(np.where(T > 1.9985, np.inf, U), X), "1 values of u are not finite"),
-    "negative constant": (_case(U, X, motor_constant=-2.0), "motor constant is -2.*change the sign of u"),
+    "negative constant": (_case(U, X, motor_constant=-2.0), "motor constant is -2.*reverse the sign of u"),
     "noise alone": (
         _case(U, np.random.default_rng(1).standard_normal(2000)),
         "moves in none of the recordings.*Drive it harder",
@@ -103,7 +103,7 @@ def test_a_reversed_input_is_told_and_nothing_is_named():
     assert (found.verdict, found.missing) == ("unknown", ())
     assert "Set scale = {u = -1.0}." in found.warnings[0]
     assert all(not row.tested for row in found.candidates)
-    assert "cannot be judged" in found.explain("delay")
+    assert "cannot be tested" in found.explain("delay")
 
 
 @pytest.mark.slow

@@ -167,7 +167,9 @@ def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
     joint, vector, _ = shaken
     change = np.zeros(np.asarray(joint.batch.x).shape)
     change[0, change.shape[1] // 2 :] = lost
-    monkeypatch.setattr("frictionjax.diagnosis.evidence.noise_floor._parted", lambda *arguments: change)
+    monkeypatch.setattr(
+        "frictionjax.diagnosis.evidence.noise_floor._force_response", lambda *arguments: change
+    )
     calm, some = predictable(joint, vector, FORCE)
     kept = np.asarray(calm.weights[0]).reshape(calm.batch.block_count.shape) > 0.0
     scored = np.asarray(joint.batch.block_count) > 0

@@ -1,6 +1,4 @@
-"""The judgement: what a model explains, on the recordings it was fitted to and on those kept aside."""
-
-from types import SimpleNamespace
+"""The judgement: what a model explains, on the recordings it was fitted to and on the held-out ones."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -79,7 +77,7 @@ def test_within_is_told_for_fitted_and_held_out_recordings(quiet):
 def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(quiet):
     """Not what acts in a tenth of the blocks, nor all of what triples their power; and a quieter one stays."""
     shape = quiet.block_count.shape
-    level, joint = 1.4 * np.ones(shape), SimpleNamespace(batch=quiet)
+    level, joint = 1.4 * np.ones(shape), make_joint(PLANT, quiet, np.array([True, False]))[0]
     raised = 1.3 * level
     raised[0] *= 1.2
     np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])

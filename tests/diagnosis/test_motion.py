@@ -103,7 +103,7 @@ def test_what_friction_does_not_repeat():
 def test_both_kinds_in_one_case_are_refused():
     case = motion_case()
     pushed = Recording("pushed", RATE, np.ones(3000), sines(), role="fit")
-    with pytest.raises(InputError, match="make two cases of it"):
+    with pytest.raises(InputError, match="split it into two cases"):
         diagnose(Case("mixed", Plant(), (*case.recordings, pushed)))
 
 

@@ -57,7 +57,9 @@ def test_a_hidden_delay_is_named(late):
     assert missing.p_value < 1e-3
     assert missing.confidence > 0.8
     assert not late.unexplained.present
-    assert late.summary.startswith("Left out: a pure delay between input and force. It acts in: ")
+    assert late.summary.startswith(
+        "Missing from the base model: a pure delay between input and force. The mismatch is in: "
+    )
 
 
 def test_the_base_is_mended_with_the_delay(late):

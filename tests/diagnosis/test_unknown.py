@@ -92,9 +92,9 @@ def test_why_an_effect_was_or_was_not_named():
     assert found.explain("maxwell_slip").startswith("maxwell_slip is named: p = 1e-12")
     assert "is not named: less than the noise (p = 0.3" in found.explain("creep")
     assert "removes 1 % of the misfit on the fitted and -2 % on the held-out" in found.explain("creep")
-    assert "cannot be judged from these recordings: needs a second encoder" in found.explain("backlash")
+    assert "cannot be tested with these recordings: needs a second encoder" in found.explain("backlash")
     with pytest.raises(
-        InputError, match=r"'wear' is no effect of the catalogue.*Give one of: backlash, creep"
+        InputError, match=r"'wear' is not an effect of the catalogue.*Give one of: backlash, creep"
     ):
         found.explain("wear")
 
@@ -103,4 +103,4 @@ def test_an_effect_of_the_class_is_told_with_the_experiment():
     found = fake_diagnosis()
     row = dataclasses.replace(found.candidates[0], effect="elasto_plastic")
     text = dataclasses.replace(found, candidates=(row,)).explain("elasto_plastic")
-    assert "cannot tell it from maxwell_slip. nested triangles" in text
+    assert "cannot distinguish it from maxwell_slip. nested triangles" in text

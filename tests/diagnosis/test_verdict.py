@@ -261,21 +261,27 @@ def test_the_named_effect_its_place_and_the_held_out_error_are_told():
     found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits)
     base, extended = fits[1].prediction_rmse_base, fits[1].prediction_rmse_extended
     assert found == (
-        "Left out: a pure delay between input and force. It acts in: stick (80 %). On the held-out recording kept "
-        f"the error 0.1 s ahead falls from {base:.3g} to {extended:.3g} (noise 1.1e-07)."
+        "Missing from the base model: a pure delay between input and force. The mismatch is in: stick (80 %). "
+        "On the held-out recording kept the prediction error 0.1 s ahead falls from "
+        f"{base:.3g} to {extended:.3g} (noise 1.1e-07)."
     )
 
 
 def test_what_cannot_be_told_apart_is_told_too():
     effect = _missing_effect(effect_class=("delay", "drive_lag"))
     found = summary_sentence("named", (effect,), NOTHING, "stick", (fake_recording(n=200),))
-    assert "a pure delay between input and force (these recordings cannot tell it from drive_lag)" in found
+    assert (
+        "a pure delay between input and force (these recordings cannot distinguish it from drive_lag)"
+        in found
+    )
 
 
 def test_several_effects_are_told_together():
     effects = (_missing_effect(), _missing_effect("constant_load", ("constant_load",), "a constant force"))
     found = summary_sentence("named", effects, NOTHING, "stick", (fake_recording(n=200),))
-    assert found.startswith("Left out: a pure delay between input and force; a constant force.")
+    assert found.startswith(
+        "Missing from the base model: a pure delay between input and force; a constant force."
+    )
 
 
 def test_the_unknown_is_told_with_its_place():
@@ -285,7 +291,7 @@ def test_the_unknown_is_told_with_its_place():
         == "Something is missing that no effect of the catalogue explains. The mismatch is in: sliding (90 %)."
     )
     part = summary_sentence("unknown", (_missing_effect(),), Unexplained(True, 0.6, "sliding"), "sliding", ())
-    assert part.endswith("More is missing (60 % of the misfit) that the catalogue does not explain.")
+    assert part.endswith("The catalogue does not explain the remaining 60 % of the misfit.")
 
 
 def _trial(form, **more):
@@ -318,7 +324,7 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     assert found.evidence == evidence_of([step])[0]
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
-    designed = SimpleNamespace(sentence="To tell delay from drive_lag: a sine.")
+    designed = SimpleNamespace(sentence="To distinguish delay from drive_lag: a sine.")
     assert _missing([step], extended, "stick", {"delay": designed})[0].split_by == designed.sentence
     alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
     assert _missing([alone], extended, "stick", {})[0].split_by == ""

@@ -16,8 +16,8 @@ from frictionjax.recordings import Plant
 
 PLANT = Plant(motor_constant=16.0, position_unit="rad", force_unit="N*m", input_unit="V")
 SUMMARY = (
-    "Left out: hysteresis with non-local memory (Maxwell slip). It acts in presliding, above 40 % of "
-    "break-away, and explains 97 % of what the base model misses on recordings kept aside."
+    "Missing from the base model: hysteresis with non-local memory (Maxwell slip). It acts in presliding, above "
+    "40 % of break-away, and explains 97 % of what the base model misses on held-out recordings."
 )
 
 

@@ -1,1 +1,1 @@
-"""Base model: LuGre and inertia fitted, and whether that fit is credible."""
+"""Base model: LuGre and inertia fitted, and whether the fit is credible."""

@@ -1,9 +1,10 @@
-"""The base model fitted to a case: LuGre and the inertia, from every starting value, robust against what it lacks."""
+"""The base model fitted to a case: LuGre and inertia, from every starting value, by a robust loss."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
+from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.evidence.judgement import judge
@@ -21,7 +22,7 @@ from frictionjax.estimation.uncertainty import covariance_of, estimates
 from frictionjax.physics import Drive
 
 _SETTLING = 8  # steps of a descent without the unpredictable blocks
-_LESS_CERTAIN = 3.0  # times its standard error with them, that a parameter may have without them
+_LESS_CERTAIN = 3.0  # factor by which the standard error of a parameter may grow without those blocks
 _COARSE = (
     "Parameters change by more than their standard errors when the integration step is refined; treat the stated "
     "errors as too small."
@@ -30,7 +31,8 @@ _CHAOTIC = "Backlash makes the motion chaotic. Errors are computed from predicta
 
 
 def base_of(starting: StartingPoint, executor: Executor, progress: Progress, *, known_inertia: bool) -> Model:
-    """The base model fitted to the recordings of `starting` that are not held out; `known_inertia` keeps J."""
+    """The base model fitted to the recordings of `starting` that are not held out, in parallel by the `executor`, with
+    `progress`; `known_inertia` keeps J fixed."""
     return fit_base(
         starting.start.drives,
         starting.batch,
@@ -44,7 +46,7 @@ def base_of(starting: StartingPoint, executor: Executor, progress: Progress, *, 
 def fit_base(
     starts: Sequence[Drive],
     batch: AbstractBatch,
-    held_out: np.ndarray,
+    held_out: Bool[np.ndarray, " r"],
     executor: Executor,
     progress: Progress,
     *,
@@ -52,46 +54,47 @@ def fit_base(
 ) -> Model:
     """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
 
-    A model with something missing has several minima, and a few steps do not show which is the best: every one of the
-    `starts` is fitted with the fast observer, and the two with the lowest misfit go on with the slow one. The best
-    ends with as many integration steps a sample as it needs (`steps_needed`), which the model keeps.
+    Where physics is missing the loss has several minima, and the misfits of the starting values do not show which of
+    them leads to the lowest: each of the `starts` is fitted with the fast observer, and the two with the lowest misfit
+    with the slow one. The better of these is fitted again with as many integration steps a sample as it needs
+    (`steps_needed`), which the model keeps.
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
     progress(f"base fit: {len(starts)} starting values", 0.0)
-    # Each within its own range: where starts lie orders of magnitude apart, that of one does not hold the others.
-    started = [make_joint(start, batch, held_out, known_inertia=known_inertia) for start in starts]
-    reached = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), started))
-    order = sorted(range(len(starts)), key=lambda number: reached[number].misfit)
+    # Each has a range of its own: starts may lie orders of magnitude apart.
+    posed = [make_joint(start, batch, held_out, known_inertia=known_inertia) for start in starts]
+    fast = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), posed))
+    order = sorted(range(len(starts)), key=lambda number: fast[number].misfit)
     progress("base fit: slow observer", 0.6)
-    best = [number for number in order[:2] if np.isfinite(reached[number].misfit)]
-    slow = [started[number][0].at_bandwidth(SLOW_BANDWIDTH) for number in best]
-    ends = list(
-        executor.map(lambda joint, number: descend(joint, reached[number].vector, graduate=False), slow, best)
+    best = [number for number in order[:2] if np.isfinite(fast[number].misfit)]
+    slow = [posed[number][0].at_bandwidth(SLOW_BANDWIDTH) for number in best]
+    refined = list(
+        executor.map(lambda one, number: descend(one, fast[number].vector, graduate=False), slow, best)
     )
-    if not ends:
+    if not refined:
         raise ValueError(
             "No starting value gives finite predictions; check `drive`, and the units of the recordings and of "
             "the motor constant."
         )
-    joint, fitted = min(zip(slow, ends, strict=True), key=lambda pair: pair[1].misfit)
-    steps = steps_needed(joint, fitted.vector)
+    posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
+    steps = steps_needed(posterior, fitted.vector)
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)
-        joint = with_steps(joint, steps)
-        fitted = descend(joint, fitted.vector, graduate=False)
-    return Model(joint, fitted, judge(joint, fitted))
+        posterior = with_steps(posterior, steps)
+        fitted = descend(posterior, fitted.vector, graduate=False)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> dict[str, Estimate]:
-    """Physical values of the free parameters of `model`, without the error of the integration, with standard errors
-    that allow for correlated errors (`clustered_covariance`).
+    """Physical values of the free parameters of `model`, corrected for the integration error, with standard errors that
+    allow for correlated innovations (`clustered_covariance`).
 
     **Arguments:**
 
     - `model`: the fitted model.
     - `units`: maps force, position, input to unit names.
-    - `force`: unmeasured force over Fc: what it makes unpredictable carries no information.
+    - `force`: unmeasured force over Fc; the blocks that it makes unpredictable are left out.
     """
     return reported_parameters(model, units, force)[0]
 
@@ -99,43 +102,43 @@ def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> di
 def reported_parameters(
     model: Model, units: dict[str, str], force: float = 0.0, *, lacking: bool = False
 ) -> tuple[dict[str, Estimate], str]:
-    """The same, and a warning about them: that the error of the integration is still in them, or that the stated errors
-    are too small; empty when there is nothing. A model that is `lacking` an effect keeps the error of the integration:
-    what it lacks biases its parameters by far more."""
+    """`parameters_of` the `model`, with the same `units` and `force`, and a warning about them: that the integration
+    error is still in them, or that the stated errors are too small; empty when there is none. A model that is `lacking`
+    an effect is not corrected for the integration error: the missing effect biases its parameters by far more."""
     chaotic = is_chaotic(model)
-    joint, fitted = (model.joint, model.fitted) if chaotic else _predictable_only(model, force)
-    vector, away, evaluations = fitted.vector, False, joint.evaluated(fitted.vector)
+    posterior, fitted = (model.joint, model.fitted) if chaotic else _predictable_only(model, force)
+    vector, coarse, evaluations = fitted.vector, False, posterior.evaluated(fitted.vector)
     if not lacking:
-        vector, away = at_finer_steps(joint, fitted.vector, fitted.near, evaluations[0])
-    # Of few steps: their error scatters like noise, and stands for what finer steps leave of it.
-    covariance = covariance_of(joint, evaluations, fitted.near)
-    message = " ".join(text for text, holds in ((_COARSE, away), (_CHAOTIC, chaotic)) if holds)
-    return estimates(joint, vector, covariance, units), message
+        vector, coarse = at_finer_steps(posterior, fitted.vector, fitted.near, evaluations[0])
+    # At the steps of the fit: their integration error scatters like noise, and stands for that of finer steps.
+    covariance = covariance_of(posterior, evaluations, fitted.near)
+    message = " ".join(text for text, applies in ((_COARSE, coarse), (_CHAOTIC, chaotic)) if applies)
+    return estimates(posterior, vector, covariance, units), message
 
 
 def _predictable_only(model: Model, force: float) -> tuple[Posterior, Fitted]:
-    """`model` fitted once more without the blocks that a `force` makes unpredictable; as it is where there are none, or
-    where the others hardly determine one of its parameters."""
-    joint, fitted = model.joint, model.fitted
-    if force == 0.0 or joint.batch.imposed:
-        return joint, fitted
-    calm, less = predictable(joint, fitted.vector, force)
-    if not less:
-        return joint, fitted
-    again = descend(calm, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
-    curved = [np.asarray(one.near.hessian) for one in (fitted, again)]
-    if not np.all(np.isfinite(curved)):
-        return joint, fitted
-    before, after = (np.linalg.pinv(hessian, hermitian=True) for hessian in curved)
-    count = len(joint.layout)
-    known = np.diag(after)[:count] < _LESS_CERTAIN**2 * np.diag(before)[:count]
-    return (calm, again) if np.all(known) else (joint, fitted)
+    """The `model` fitted again without the blocks that a `force` makes unpredictable; unchanged where there are none,
+    or where the other blocks hardly determine one of its parameters."""
+    posterior, fitted = model.joint, model.fitted
+    if force == 0.0 or posterior.batch.imposed:
+        return posterior, fitted
+    reduced, some = predictable(posterior, fitted.vector, force)
+    if not some:
+        return posterior, fitted
+    again = descend(reduced, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
+    hessians = [np.asarray(one.near.hessian) for one in (fitted, again)]
+    if not np.all(np.isfinite(hessians)):
+        return posterior, fitted
+    before, after = (np.linalg.pinv(hessian, hermitian=True) for hessian in hessians)
+    count = len(posterior.layout)
+    determined = np.diag(after)[:count] < _LESS_CERTAIN**2 * np.diag(before)[:count]
+    return (reduced, again) if np.all(determined) else (posterior, fitted)
 
 
 def message_of(model: Model) -> str:
-    """The warning about a fit that did not converge, or whose parameters stopped at a bound; empty when there is
-    nothing."""
-    joint, count = model.joint, len(model.joint.layout)
-    ends = at_a_bound(joint.layout, model.fitted.vector[:count], joint.start[:count])
-    said = [model.fitted.ending.value] if model.fitted.ending.value else []
-    return " ".join(said + ([f"At a bound of its range: {', '.join(ends)}."] if ends else []))
+    """The warning that the fit of `model` did not converge, or that parameters stopped at a bound; empty when there is
+    none."""
+    posterior, count = model.joint, len(model.joint.layout)
+    bounded = at_a_bound(posterior.layout, model.fitted.vector[:count], posterior.start[:count])
+    ending = [model.fitted.ending.value] if model.fitted.ending.value else []
+    return " ".join(ending + ([f"At a bound of its range: {', '.join(bounded)}."] if bounded else []))

@@ -1,4 +1,4 @@
-"""A base fit that is not credible: which mistake in the case explains it, and what to check."""
+"""A base fit that is not credible: which error in the case explains it, and what to check."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,10 +12,10 @@ Refit = Callable[[Case], Model]
 
 
 def mistake(case: Case, refit: Refit) -> str:
-    """What is wrong with a case whose base fit is not credible, a sentence with its cure; empty when it is not known.
+    """The error in a case whose base fit is not credible, a sentence with its cure; empty when none is found.
 
-    The two mistakes that can be proved are tried: an input of the wrong sign, and a known inertia that contradicts the
-    motor constant. What makes the fit credible is what was wrong.
+    Two errors are tried: an input of the wrong sign, and a known inertia that contradicts the motor constant. The first
+    whose correction makes the fit credible is reported.
 
     **Arguments:**
 
@@ -30,31 +30,31 @@ def mistake(case: Case, refit: Refit) -> str:
 
 
 def what_to_check(found: Credibility, case: Case, known: str) -> str:
-    """The warning: how bad the base fit is, and what mends it.
+    """The warning: how bad the base fit is, and what corrects it or is to be checked.
 
     **Arguments:**
 
-    - `found`: what the base fit explains.
+    - `found`: how the base fit compares with constant velocity.
     - `case`: the case.
-    - `known`: the `mistake` that was found, or nothing.
+    - `known`: the sentence of `mistake`, or empty.
     """
-    said = (
-        "The base fit is not credible: it predicts the motion no better than no model would, which expects the machine "
-        f"to keep its speed ({100 * max(found.energy, -9.99):.0f} % of the energy explained)."
+    finding = (
+        "The base fit is not credible: it predicts the motion no better than assuming constant velocity "
+        f"({100 * max(found.energy, -9.99):.0f} % of the energy explained)."
     )
     if known:
-        return f"{said} Nothing was tested or named. {known}"
-    said = f"{said} No effect of the catalogue mends that, and nothing is named."
+        return f"{finding} No effect was tested or named. {known}"
+    finding = f"{finding} No effect of the catalogue makes it credible, so none is named."
     names = [case.fit_recordings[row].name for row in found.failed]
     worst = f" It is worse in {', '.join(names)}." if names else ""
     return (
-        f"{said}{worst} Check that u is what drives x (columns, and one clock for both), its sign, the units of time "
-        "and position, and whether something else moves the machine."
+        f"{finding}{worst} Check that u is what drives x (columns, and one clock for both), its sign, the units of "
+        "time and position, and whether something else moves the machine."
     )
 
 
 def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
-    """Changed cases, and what is to be said when the base model fits them."""
+    """Corrected cases, and the sentence to report when the base model fits them."""
     reversed_input = dataclasses.replace(
         case, recordings=tuple(dataclasses.replace(r, u=-r.u) for r in case.recordings)
     )
@@ -62,7 +62,7 @@ def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
         (
             reversed_input,
             lambda model: (
-                "With the sign of u changed it is: a positive input moves x backwards. Set "
+                "Reversing the sign of u gives a credible fit: a positive input moves x backwards. Set "
                 "scale = {u = -1.0}."
             ),
         )
@@ -73,8 +73,9 @@ def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
             (
                 dataclasses.replace(case, plant=dataclasses.replace(case.plant, inertia=None)),
                 lambda model: (
-                    f"With a free inertia it is, at {float(model.judgement.drive.J):.3g} instead of {known:.3g}: the "
-                    "inertia and the motor constant contradict each other. Correct one of them, or leave it out."
+                    f"With a free inertia the fit is credible, at {float(model.judgement.drive.J):.3g} instead of "
+                    f"{known:.3g}: the inertia and the motor constant contradict each other. Correct one of them, or "
+                    "leave it out."
                 ),
             )
         )

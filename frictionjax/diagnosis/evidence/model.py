@@ -1,4 +1,4 @@
-"""A fitted model structure, and what it explains."""
+"""A fitted model structure, and how well it predicts the recordings."""
 
 import equinox as eqx
 
@@ -9,7 +9,8 @@ from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
 
 
 class Model(eqx.Module):
-    """A fitted structure: `joint` (slow observer), where the descent ended, `fitted`, and its `judgement`."""
+    """A fitted structure: its posterior `joint` (with the slow observer), the result of the descent, `fitted`, and its
+    `judgement`."""
 
     joint: Posterior
     fitted: Fitted
@@ -17,10 +18,10 @@ class Model(eqx.Module):
 
 
 def is_chaotic(model: Model) -> bool:
-    """Whether contacts make the motion of the `model` chaotic."""
+    """Whether impacts in a gap make the motion of the `model` chaotic."""
     return any(has_contacts(effect) for effect in model.judgement.drive.effects)
 
 
 def has_contacts(effect: AbstractEffect) -> bool:
-    """Whether the `effect` is a load that strikes the ends of a gap."""
+    """Whether the `effect` is a load that hits the ends of a gap."""
     return isinstance(effect, AbstractLoadEffect) and effect.chaotic

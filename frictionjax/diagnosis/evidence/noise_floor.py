@@ -1,9 +1,9 @@
-"""The floor: what a perfect model would leave of the prediction errors: measurement noise and unmeasured force.
+"""The noise floor: the prediction errors of a perfect model, which measurement noise and an unmeasured force leave.
 
 Measurement noise gives standardised innovations of unit power everywhere. A small random force on the machine adds
-power where the machine is free to answer, and little where it sticks; how much is found by adding such a force to the
-recorded one and watching the innovations. Its size is the one at which a robust middle of the blocks of simulated
-innovations is that of the blocks that are seen.
+power where the machine is free to move, and little where it sticks; how much is found by adding such a force to the
+recorded input and simulating the innovations. Its size is the one at which the simulated and the observed powers of the
+blocks agree, at a robust quantile.
 """
 
 import equinox as eqx
@@ -14,28 +14,29 @@ from jaxtyping import Array, Float
 from frictionjax.estimation.objective.posterior import Posterior
 
 _DRAWS = 4
-_SMALL = 1e-4  # of Coulomb friction: small enough for a linear answer, far above rounding
-_SMOOTH = 5  # blocks over which the answer is averaged
-_QUANTILE = 0.4  # of the blocks' own estimates: an effect raises blocks, so the middle is too high
-_SEEN = 0.1  # of the largest answer: blocks that answer less say nothing of the force
+_SMALL = 1e-4  # of Coulomb friction: small enough for a linear response, far above rounding
+_SMOOTH = 5  # blocks over which the response is averaged
+_QUANTILE = 0.4  # of the estimates of single blocks: an effect raises some blocks, so the median is too high
+_SEEN = 0.1  # of the largest response: blocks that respond less are not informative about the force
 _HALVINGS = 30
-# Noise is told from motion by its fourth differences, which see the highest frequencies alone. At 2 kHz, noise of which
-# nine tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
+# Noise is distinguished from motion by fourth differences, which respond to the highest frequencies alone. At 2 kHz,
+# noise with nine tenths of its power below 200 Hz gives innovations of twice the power of white noise with the same
+# fourth differences.
 _COLOUR = 2.0
-_BEYOND = 1e100  # in noise levels: further apart than any two runs
-_ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
-# Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
-# physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
+_BEYOND = 1e100  # in noise levels: the largest difference of two runs that is squared
+_ASTRAY = 1.0  # power, over that of the noise, by which two runs differ in an unpredictable block
+# Of Coulomb friction, at each sample: more than this is missing physics, not a disturbance, and must not raise the
+# floor that missing physics is measured from. (Effects that act in all of sliding give larger estimates.)
 _LARGEST = 0.005
 
 
 class Answer(eqx.Module):
-    """What noise and force make of the innovations.
+    """How the innovations respond to measurement noise and to an unmeasured force.
 
     **Attributes:** `gain`: mean power of the standardised innovations in each block for a white force of the size of
     Coulomb friction, shape `(r, b)`. Of `d` draws, the power in each block of noise alone, `noise`, and of that force
-    alone, `force`, and the mean of their product, `product`, shape `(d, r, b)`: a block holds few free numbers, and its
-    power scatters.
+    alone, `force`, and the mean of their product, `product`, shape `(d, r, b)`: a block has few independent samples,
+    so its power scatters.
     """
 
     gain: Float[np.ndarray, "r b"]
@@ -48,89 +49,93 @@ class Answer(eqx.Module):
         return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
 
 
-def answer_to_force(joint: Posterior, vector: Float[Array, " q"]) -> Answer:
-    """How the innovations of `joint` at `vector` answer to a small white force, held over each sample, and to noise.
+def answer_to_force(posterior: Posterior, vector: Float[Array, " q"]) -> Answer:
+    """How the innovations of the `posterior` at `vector` respond to a small white force, constant over each sample, and
+    to noise.
 
-    Where the motion is imposed the force is what is measured, and answers with all of itself everywhere.
+    Where the motion is imposed the force itself is measured, so that it appears in full everywhere.
     """
-    batch, drive, evidence = joint.batch, joint.drive_of(vector), joint.recordings
+    batch, drive, evidence = posterior.batch, posterior.drive_of(vector), posterior.recordings
     scored = np.asarray(batch.block_count) > 0
     rng = np.random.default_rng(20020301)
     if batch.imposed:
         whole = np.asarray(drive.friction.Fc / batch.noise)[:, None] ** 2 * scored
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
         return Answer(whole, noise, noise * whole, 0.0 * noise)
-    plain = joint.errors_at([vector])[0]
+    plain = posterior.errors_at([vector])[0]
     draws = []
     for _ in range(_DRAWS):
-        change = np.nan_to_num(_parted(joint, vector, plain, _SMALL, rng) / _SMALL)
+        change = np.nan_to_num(_force_response(posterior, vector, plain, _SMALL, rng) / _SMALL)
         noise = evidence.noise_alone(rng)
         products = (noise**2, change**2, noise * change)
         draws.append([np.asarray(batch.block_mean(jnp.asarray(product))) for product in products])
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     kernel = np.ones(_SMOOTH) / _SMOOTH
-    # A mean over neighbours is thrown by the one block in which a break-away came sooner.
+    # One block in which the break-away came earlier must not dominate the mean over its neighbours.
     mean = force.mean(axis=0)
     capped = np.minimum(mean, 20.0 * np.median(mean[mean > 0])) if np.any(mean > 0) else mean
     return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in capped]), noise, force, product)
 
 
 def scatter(
-    joint: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    posterior: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
 ) -> Float[np.ndarray, "r b"]:
-    """Power of each block, shape `(r, b)`, by which two runs of the machine `vector` part under different unmeasured
-    forces of the `size` (over Fc), in the mean of `draws`.
+    """Power of the difference, in each block, shape `(r, b)`, between two runs of the `posterior` at `vector` with
+    different unmeasured forces of the `size` (over Fc), in the mean of `draws`.
 
-    A machine whose contacts are chaotic leaves that much even before the perfect model of it, which is told neither the
-    force nor where in its gap the load begins.
+    Of a machine with chaotic contacts even a perfect model leaves that much, since it knows neither the force nor where
+    in its gap the load starts.
     """
-    rng, plain = np.random.default_rng(20020302), joint.errors_at([vector])[0]
-    parted = [_parted(joint, vector, plain, size, rng) for _ in range(draws)]
-    # Two runs may part beyond what a number, or its square, holds.
-    far = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in parted]
-    powers = [np.asarray(joint.batch.block_mean(jnp.asarray(change**2))) for change in far]
+    rng, plain = np.random.default_rng(20020302), posterior.errors_at([vector])[0]
+    changes = [_force_response(posterior, vector, plain, size, rng) for _ in range(draws)]
+    # The difference of two runs, or its square, may overflow.
+    bounded = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in changes]
+    powers = [np.asarray(posterior.batch.block_mean(jnp.asarray(change**2))) for change in bounded]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
 
 
 def predictable(
-    joint: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    posterior: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
 ) -> tuple[Posterior, bool]:
-    """`joint` without the blocks in which an unmeasured force of the `size` (over Fc) makes more of the innovations of
-    the model `vector` than the measurement noise does, and whether there are any.
+    """The `posterior` without the blocks in which an unmeasured force of the `size` (over Fc) changes the innovations
+    at `vector` by more than the measurement noise, in the mean of `draws`; and whether there are any.
 
-    Such a force brings a break-away forward or back, and all errors that follow are of that one cause: a fit that takes
-    them for as many bends to it. Powers and misfits are those of all blocks as before.
+    Such a force makes a break-away earlier or later, and all errors that follow have that one cause: a fit that counts
+    them as independent is biased by it. Powers and misfits still include all blocks.
     """
-    parted = scatter(joint, vector, size, draws=draws)
-    scored = np.asarray(joint.batch.block_count) > 0
-    kept = jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0).ravel())
-    some = bool(np.any(scored & ~(parted < _ASTRAY)))
-    return eqx.tree_at(lambda j: j.weights, joint, (joint.weights[0] * kept,)), some
+    spread = scatter(posterior, vector, size, draws=draws)
+    scored = np.asarray(posterior.batch.block_count) > 0
+    kept = jnp.asarray(np.where(spread < _ASTRAY, 1.0, 0.0).ravel())
+    some = bool(np.any(scored & ~(spread < _ASTRAY)))
+    return eqx.tree_at(lambda p: p.weights, posterior, (posterior.weights[0] * kept,)), some
 
 
-def _parted(
-    joint: Posterior,
+def _force_response(
+    posterior: Posterior,
     vector: Float[Array, " q"],
     plain: Float[Array, "r n"],
     size: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "r n"]:
-    """What a white force of the `size` (over Fc), held over each sample, changes in the innovations `plain`."""
-    drive = joint.drive_of(vector)
+    """Change of the innovations `plain` by a white force of the `size` (over Fc) that is constant over each sample."""
+    drive = posterior.drive_of(vector)
     force = size * float(drive.friction.Fc) / float(drive.motor_constant)
-    shaken = joint.recordings.with_input(force * rng.standard_normal(joint.batch.x.shape))
-    other = eqx.tree_at(lambda j: j.evidence, joint, (shaken,))
+    disturbed = posterior.recordings.with_input(force * rng.standard_normal(posterior.batch.x.shape))
+    other = eqx.tree_at(lambda p: p.evidence, posterior, (disturbed,))
     return np.asarray(other.errors_at([vector])[0] - plain)
 
 
-def quietness(power: Float[np.ndarray, "r b"], answer: Answer, joint: Posterior) -> Float[np.ndarray, "r 1"]:
-    """Power of the measurement noise in each recording over what it was thought to be, at most 1, shape `(r, 1)`.
+def quietness(
+    power: Float[np.ndarray, "r b"], answer: Answer, posterior: Posterior
+) -> Float[np.ndarray, "r 1"]:
+    """Power of the measurement noise in each recording over its first estimate, at most 1, shape `(r, 1)`.
 
-    Noise is told from motion by its fourth differences. Motion at frequencies near that of sampling passes for noise;
-    where a model leaves less than that in half of the blocks, there is less.
+    The first estimate comes from fourth differences, which count motion at frequencies near that of sampling as noise.
+    Where the block `power` that a model leaves is lower in half of the blocks, so is the noise. `answer` and the
+    `posterior` are those of `answer_to_force`.
     """
-    scored = np.asarray(joint.batch.block_count) > 0
+    scored = np.asarray(posterior.batch.block_count) > 0
     quiet = np.ones((scored.shape[0], 1))
     for row, mask in enumerate(scored):
         if np.any(mask):
@@ -141,48 +146,49 @@ def quietness(power: Float[np.ndarray, "r b"], answer: Answer, joint: Posterior)
 def force_noise(
     power: Float[np.ndarray, "r b"],
     answer: Answer,
-    joint: Posterior,
+    posterior: Posterior,
     quiet: Float[np.ndarray, "r 1"] | float = 1.0,
 ) -> float:
-    """Standard deviation of the unmeasured force over Coulomb friction that the block `power` of shape `(r, b)` asks
-    for, from the fitted recordings; `quiet` is the power of the measurement noise in each.
+    """Standard deviation of the unmeasured force over Coulomb friction that explains the block `power` of shape
+    `(r, b)`, from the fitted recordings; `quiet` is the power of the measurement noise in each.
 
-    Each block asks for its own power of the force. That of the whole is the one at which the blocks of `answer` ask for
-    the same, at a quantile below the middle: an effect raises some of the blocks.
+    Each block gives its own estimate of the power of the force. The result is the size at which the simulated blocks of
+    `answer` give the same, at a quantile below the median: an effect raises some of the blocks.
     """
-    scored = (np.asarray(joint.batch.block_count) > 0) & (np.asarray(joint.fitted[0])[:, None] > 0)
+    scored = (np.asarray(posterior.batch.block_count) > 0) & (np.asarray(posterior.fitted[0])[:, None] > 0)
     gain = np.where(scored, answer.gain, 0.0)
-    seen = gain > _SEEN * gain.max()
-    if not np.any(seen):
+    informative = gain > _SEEN * gain.max()
+    if not np.any(informative):
         return 0.0
 
-    def asked(power: np.ndarray) -> float:
-        return float(np.quantile(((power - quiet) / np.where(seen, gain, 1.0))[..., seen], _QUANTILE))
+    def estimate(power: Float[np.ndarray, "*d r b"]) -> float:
+        each = (power - quiet) / np.where(informative, gain, 1.0)
+        return float(np.quantile(each[..., informative], _QUANTILE))
 
-    wanted, low, high = asked(power), 0.0, _LARGEST
-    if wanted <= asked(answer.powers(low, quiet)):
+    observed, low, high = estimate(power), 0.0, _LARGEST
+    if observed <= estimate(answer.powers(low, quiet)):
         return 0.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if asked(answer.powers(middle, quiet)) < wanted else (low, middle)
+        low, high = (middle, high) if estimate(answer.powers(middle, quiet)) < observed else (low, middle)
     return high
 
 
 def floor_of(
     size: float, answer: Answer, quiet: Float[np.ndarray, "r 1"] | float = 1.0
 ) -> Float[np.ndarray, "r b"]:
-    """Power of each block, shape `(r, b)`, that noise of the power `quiet` and an unmeasured force `size` (over Fc)
-    leave."""
+    """Power of each block, shape `(r, b)`, that noise of the power `quiet` and an unmeasured force of the `size` (over
+    Fc) leave, by the responses of `answer`."""
     return quiet + size**2 * answer.gain
 
 
 def colour(
-    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Posterior
+    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], posterior: Posterior
 ) -> Float[np.ndarray, "r 1"]:
-    """Factor on the `floor` of each recording by which the colour of its noise may raise it, shape `(r, 1)`: where a
-    model leaves a block `power` that is higher in the middle one of all blocks, between 1 and 2."""
+    """Factor, between 1 and 2, on the `floor` of each recording by which the colour of its noise may raise it, shape
+    `(r, 1)`: the median over the blocks of the `power` that a model leaves over the floor."""
     factor = np.ones((power.shape[0], 1))
-    for row, scored in enumerate(np.asarray(joint.batch.block_count) > 0):
+    for row, scored in enumerate(np.asarray(posterior.batch.block_count) > 0):
         if np.any(scored):
             factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, _COLOUR)
     return factor

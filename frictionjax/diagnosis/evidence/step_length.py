@@ -1,7 +1,7 @@
-"""How many integration steps a sample a machine needs: as many as it takes for the scheme to pass for noise.
+"""How many integration steps a sample a machine needs: until the integration error is small against the noise.
 
 One step a sample is enough for most machines. Where bristles yield within a few samples its error is as large as the
-noise, and a fit that finds a mismatch there has found that of the scheme: an effect that smooths it out would be named.
+noise, and the mismatch is then one of the integration: an effect that smooths it out would be named.
 """
 
 import equinox as eqx
@@ -15,39 +15,41 @@ from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
 
 MOST = 4
-"""The scheme is of second order: a sixteenth of the error of one step is left, of its power less than a hundredth."""
+"""Largest factor on the number of steps. The integration is of second order: a sixteenth of the error of one step
+remains, less than a hundredth of its power."""
 
 
 @eqx.filter_jit
-def _differences(joint: Posterior, vector: Float[Array, " q"]) -> Float[Array, "k r b"]:
-    """Power in each block of what the innovations have more than those with four times the steps: with as many as the
-    batch has, and with twice as many."""
-    drive, deflections = joint.drive_of(vector), vector[joint.parameters :]
+def _differences(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, "k r b"]:
+    """Power in each block of the difference between the innovations and those with four times as many steps: for the
+    number of steps of the batch, and for twice that."""
+    drive, deflections = posterior.drive_of(vector), vector[posterior.parameters :]
 
     def errors(finer: int) -> Float[Array, "r n"]:
-        return joint.recordings.standardised(drive, deflections, finer=finer)
+        return posterior.recordings.standardised(drive, deflections, finer=finer)
 
-    best = errors(MOST)
-    # Where the finest run is no number either, finer steps do not help.
-    sound = jnp.isfinite(best)
+    finest = errors(MOST)
+    # Where the finest run is not finite either, finer steps do not help.
+    finite = jnp.isfinite(finest)
     powers = [
-        block_power(jnp.where(sound, errors(finer) - best, 0.0), joint.batch) for finer in (1, MOST // 2)
+        block_power(jnp.where(finite, errors(finer) - finest, 0.0), posterior.batch)
+        for finer in (1, MOST // 2)
     ]
     return jnp.stack(powers)
 
 
-def steps_needed(joint: Posterior, vector: Float[Array, " q"]) -> int:
-    """Integration steps a sample with which the model at `vector` would not be thought inadequate for the error of the
-    integration alone, on the fitted recordings and on the held-out ones: once, twice or four times those of its batch.
-    Where the motion is imposed, 1: its runs keep their own steps.
+def steps_needed(posterior: Posterior, vector: Float[Array, " q"]) -> int:
+    """Integration steps a sample with which the integration error alone leaves the model of the `posterior` at `vector`
+    adequate, on the fitted recordings and on the held-out ones: once, twice or four times those of its batch. 1 where
+    the motion is imposed, since its runs choose their own steps.
     """
-    batch = joint.batch
+    batch = posterior.batch
     if batch.imposed:
         return 1
-    own, fitted = batch.substeps, np.asarray(joint.fitted[0]) > 0
-    weight = np.asarray(joint.weights[0]).reshape(batch.block_count.shape)
+    own, fitted = batch.substeps, np.asarray(posterior.fitted[0]) > 0
+    weight = np.asarray(posterior.weights[0]).reshape(batch.block_count.shape)
     count = np.asarray(batch.block_count) * weight
-    for finer, power in zip((1, MOST // 2), _differences(joint, vector), strict=True):
+    for finer, power in zip((1, MOST // 2), _differences(posterior, vector), strict=True):
         losses = losses_of(1.0 + np.asarray(power), batch) * weight
         parts = [losses[rows].sum() / max(count[rows].sum(), 1.0) for rows in (fitted, ~fitted)]
         if max(parts) < ADEQUATE_MISFIT:
@@ -55,6 +57,6 @@ def steps_needed(joint: Posterior, vector: Float[Array, " q"]) -> int:
     return MOST * own
 
 
-def with_steps(joint: Posterior, steps: int) -> Posterior:
-    """The same with so many integration steps a sample, of recordings of an applied input."""
-    return eqx.tree_at(lambda own: own.evidence[0].batch, joint, joint.batch.with_substeps(steps))
+def with_steps(posterior: Posterior, steps: int) -> Posterior:
+    """The same `posterior` with this number of integration `steps` a sample; its recordings are of an applied input."""
+    return eqx.tree_at(lambda own: own.evidence[0].batch, posterior, posterior.batch.with_substeps(steps))

@@ -1,18 +1,21 @@
-"""What base and extended model say of every recording: free run, 0.1 s ahead, residual force."""
+"""What a model predicts for every recording: free run, prediction 0.1 s ahead, residual force."""
 
 import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Int
 
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
-from frictionjax.estimation.data.batch import rows_of
+from frictionjax.estimation.data.batch import Batch, rows_of
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
+    Gains,
     innovation_gain,
     observe,
     observer_gains,
@@ -27,58 +30,76 @@ _FORCE_BANDWIDTH = 25.0  # Hz
 
 
 class View(eqx.Module):
-    """One model's view of all recordings, shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the position, or of the
-    force where the motion is imposed; residual `force`; and the observer's `v` and `bend` (|z| over Fs/sigma0), and its
-    standardised innovations `e` (`v`, `bend` and errors of the run where the motion is imposed)."""
+    """One model's predictions of all recordings, arrays of shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the
+    position, or of the force where the motion is imposed; residual `force`; and the observer's `v`, `bend` (|z| over
+    Fs/sigma0) and standardised innovations `e` (where the motion is imposed: velocity, bend and standardised errors of
+    the run)."""
 
-    free: np.ndarray
-    ahead: np.ndarray
-    force: np.ndarray
-    v: np.ndarray
-    bend: np.ndarray
-    e: np.ndarray
+    free: Float[np.ndarray, "r n"]
+    ahead: Float[np.ndarray, "r n"]
+    force: Float[np.ndarray, "r n"]
+    v: Float[np.ndarray, "r n"]
+    bend: Float[np.ndarray, "r n"]
+    e: Float[np.ndarray, "r n"]
 
 
 @eqx.filter_jit
-def _view(drive: Drive, batch, gains, deflection, first, bandwidth, horizon, stride):
-    def one(u, x, dt, gains, start, x_first, length):
+def _view(
+    drive: Drive,
+    batch: Batch,
+    gains: Gains,
+    deflection: Float[Array, " r"],
+    first: Float[Array, " r"],
+    bandwidth: Float[Array, ""],
+    horizon: int,
+    stride: int,
+) -> tuple[Float[Array, "r n"], ...]:
+    def one(
+        u: Float[Array, " n"],
+        x: Float[Array, " n"],
+        dt: Float[Array, ""],
+        gains: Gains,
+        start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
+        x_first: Float[Array, ""],
+        length: Int[Array, ""],
+    ) -> tuple[Float[Array, " n"], ...]:
         force, before = drive.applied_force(u, dt), start[3]
-        # The free run knows the first sample alone.
+        # The free run uses the first sample only.
         steps = batch.substeps
         free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=max(steps, 2), before=before).measured
-        seen = observe(drive, force, x, dt, gains, start, substeps=steps)
-        ahead = run_ahead(drive, force, seen, dt, gains, horizon=horizon, stride=stride, substeps=steps)
+        observed = observe(drive, force, x, dt, gains, start, substeps=steps)
+        ahead = run_ahead(drive, force, observed, dt, gains, horizon=horizon, stride=stride, substeps=steps)
         missing = residual_force(drive, force, x, dt, bandwidth, start, substeps=steps, measured=length)
-        bend = jnp.abs(seen.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
-        return free, ahead, missing, seen.v, bend, seen.innovation
+        bend = jnp.abs(observed.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
+        return free, ahead, missing, observed.v, bend, observed.innovation
 
     deflection = deflection * drive.friction.Fs / drive.friction.sigma0
     return batch.each(one, gains, deflection, first, jnp.asarray(batch.lengths))
 
 
 def view(judgement: Judgement, scene: Scene) -> View:
-    """See all recordings of the `scene` through the model of the `judgement`."""
+    """Predict all recordings of the `scene` by the model of the `judgement`."""
     batch = scene.batch
     dt = np.asarray(batch.dt)
     if batch.imposed:
         slowest = float(np.max(dt))
-        seen = view_of_forces(judgement, batch, ahead_samples(slowest), force_bandwidth(slowest))
-        return View(seen.free, seen.ahead, seen.missing, seen.v, seen.bend, seen.e)
+        forces = view_of_forces(judgement, batch, ahead_samples(slowest), force_bandwidth(slowest))
+        return View(forces.free, forces.ahead, forces.missing, forces.v, forces.bend, forces.e)
     shape = np.asarray(batch.x).shape
     whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}
-    # A time ahead is another number of samples at another rate.
+    # At another sample rate the 0.1 s ahead are another number of samples.
     for step in np.unique(dt):
         rows = np.flatnonzero(dt == step)
         length = shape[1] if rows.size == dt.size else int(np.max(batch.lengths[rows]))
-        for name, part in _seen(judgement, scene, rows, length, float(step)).items():
+        for name, part in _view_of_rows(judgement, scene, rows, length, float(step)).items():
             whole[name][rows, :length] = part
     return View(**whole)
 
 
-def _seen(
-    judgement: Judgement, scene: Scene, rows: np.ndarray, length: int, dt: float
-) -> dict[str, np.ndarray]:
-    """What `view` sees in the recordings `rows` of one sample rate, up to `length` samples."""
+def _view_of_rows(
+    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, dt: float
+) -> dict[str, Float[np.ndarray, "k n"]]:
+    """The fields of a `View` for the recordings `rows`, all sampled at `dt` s, up to `length` samples."""
     batch = rows_of(scene.batch, rows)
     cut = tuple(leaf[:, :length] for leaf in (batch.u, batch.x, batch.valid))
     batch = eqx.tree_at(lambda b: (b.u, b.x, b.valid), batch, cut)
@@ -100,11 +121,12 @@ def _seen(
     return {"free": free, "ahead": ahead, "force": force, "v": v, "bend": bend, "e": e}
 
 
-def held_out_error(seen: View, scene: Scene) -> float:
-    """Root mean square error of a model on the held-out recordings, each in units of its noise: of the position
-    0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run overflows."""
+def held_out_error(predicted: View, scene: Scene) -> float:
+    """Root mean square error of what a model `predicted` for the held-out recordings of the `scene`, each in units of
+    its noise: of the position 0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run
+    overflows."""
     batch = scene.batch
-    measured, model = np.asarray(batch.answer), seen.free if batch.imposed else seen.ahead
+    measured, model = np.asarray(batch.answer), predicted.free if batch.imposed else predicted.ahead
     scored = (np.asarray(batch.valid) > 0) & scene.held_out[:, None]
     errors = ((model - measured) / np.asarray(batch.noise)[:, None])[scored]
     value = float(np.sqrt(np.mean(errors**2)))
@@ -112,7 +134,7 @@ def held_out_error(seen: View, scene: Scene) -> float:
 
 
 def ahead_samples(dt: float) -> int:
-    """Samples of `dt` s in the 0.1 s that predictions look ahead, at least one."""
+    """Samples of `dt` s in the horizon of 0.1 s of a prediction, at least one."""
     return max(round(_AHEAD / dt), 1)
 
 
@@ -121,7 +143,7 @@ def force_bandwidth(dt: float) -> float:
     return min(_FORCE_BANDWIDTH, 0.05 / dt)
 
 
-def _rmse(model: np.ndarray, measured: np.ndarray) -> float:
+def _rmse(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
     value = float(np.sqrt(np.mean((model - measured) ** 2)))
     return value if np.isfinite(value) else float("inf")
 
@@ -134,8 +156,8 @@ def recording_fits(
     **Arguments:**
 
     - `recordings`: in the order of the scene.
-    - `scene`: the recordings side by side.
-    - `base`, `extended`: the two models' views.
+    - `scene`: the same recordings, in arrays.
+    - `base`, `extended`: what the two models predict.
     - `base_drive`: for the standard deviation of the residual force.
     """
     fits = []
@@ -143,7 +165,7 @@ def recording_fits(
         n = recording.x.size
         noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
         if recording.drive == "motion":
-            # Imposed motions are seen as one, at the lowest of their rates.
+            # Imposed motions of all rates have the horizon and the smoothing of the lowest rate.
             slowest = float(np.max(np.asarray(scene.batch.dt)))
             measured, horizon = np.asarray(recording.force), ahead_samples(slowest)
             std = noise / np.sqrt(smoothing_width(force_bandwidth(slowest), dt))
@@ -151,7 +173,7 @@ def recording_fits(
             measured, horizon = recording.x, ahead_samples(dt)
             std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
         # Nothing is predicted before the first horizon has passed.
-        judged = slice(horizon, n)
+        scored = slice(horizon, n)
         fits.append(
             RecordingFit(
                 name=recording.name,
@@ -169,8 +191,8 @@ def recording_fits(
                 noise_floor=noise,
                 free_run_rmse_base=_rmse(base.free[row, :n], measured),
                 free_run_rmse_extended=_rmse(extended.free[row, :n], measured),
-                prediction_rmse_base=_rmse(base.ahead[row, judged], measured[judged]),
-                prediction_rmse_extended=_rmse(extended.ahead[row, judged], measured[judged]),
+                prediction_rmse_base=_rmse(base.ahead[row, scored], measured[scored]),
+                prediction_rmse_extended=_rmse(extended.ahead[row, scored], measured[scored]),
                 drive=recording.drive,
                 force=recording.force if recording.drive == "motion" else None,
             )

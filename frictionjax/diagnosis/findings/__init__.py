@@ -1,1 +1,1 @@
-"""Findings: what is reported of every effect, of what is left, and of the next experiment."""
+"""Findings: what is reported of every effect, of what remains, and of the next experiment."""

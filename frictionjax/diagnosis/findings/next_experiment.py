@@ -1,8 +1,8 @@
-"""The next experiment: where recordings leave several names, the one that would tell them apart, and how long it takes.
+"""The next experiment: the one that distinguishes effects which the recordings leave possible, and its duration.
 
-Both models as they were fitted, free runs of some plain experiments under each, the rival refitted: what is left of
-their difference over the sensor's noise is the d' at which the experiment separates them (information.discrimination).
-Information grows with time, so d' with its square root.
+Some simple experiments are simulated as free runs of both fitted models, and the rival is refitted to each: the
+difference that remains, over the sensor's noise, is the d' of the experiment (information.discrimination). d' grows
+with the square root of its duration.
 """
 
 import jax.numpy as jnp
@@ -19,23 +19,24 @@ _SECONDS = 4.0  # of each candidate
 
 _RATE = 1000.0  # Hz, at most
 
-_WANTED = 5.0  # d' at which the names are apart
+_WANTED = 5.0  # d' at which the effects are distinguished
 
 _STEPS = 3  # of the rival's refit
 
-_LONGEST = 3600.0  # s: an experiment that takes longer does not tell them apart
+_LONGEST = 3600.0  # s: a longer experiment is not proposed
 
 
 def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[np.ndarray, " n"]]:
-    """Experiments in words -> input of 4 s, in units of `break_away` (the input that breaks the machine away)."""
+    """Experiments in words -> input of 4 s at `sample_rate` Hz, scaled by `break_away` (the input at which the machine
+    breaks away)."""
     t = np.arange(round(_SECONDS * sample_rate)) / sample_rate
     rng = np.random.default_rng(5)
 
-    def line(*corners):
+    def line(*corners: tuple[float, float]) -> Float[np.ndarray, " n"]:
         times, levels = zip(*corners, strict=True)
         return np.interp(t, times, levels)
 
-    def noise(level):
+    def noise(level: float) -> Float[np.ndarray, " n"]:
         white = rng.standard_normal(t.size)
         spectrum = np.fft.rfft(white)
         spectrum[np.fft.rfftfreq(t.size, 1.0 / sample_rate) > 150.0] = 0.0
@@ -46,13 +47,13 @@ def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[
         *((0.0, 0.0), (0.3, 0.9), (0.9, -0.9), (1.3, 0.5), (1.6, -0.5), (1.8, 0.25)),
         *((2.0, -0.25), (2.3, 0.9), (2.9, -0.9), (3.4, 0.6), (3.7, 0.0), (4.0, 0.0)),
     )
-    held = line((0.0, 0.0), (0.1, 0.0), (0.12, 0.6), (2.0, 0.6), (2.02, 0.0), (4.0, 0.0))
+    hold = line((0.0, 0.0), (0.1, 0.0), (0.12, 0.6), (2.0, 0.6), (2.02, 0.0), (4.0, 0.0))
     ramps = line(
         (0.0, 0.0), (1.0, 1.08), (1.05, 0.0), (2.0, 0.0), (2.5, -1.08), (2.55, 0.0), (3.5, 1.08), (3.55, 0.0)
     )
     named = {
         "nested triangles of force below break-away (0.9, 0.5, 0.25 of it)": loops,
-        "a force held at 0.6 of break-away for 2 s, and let go": held,
+        "a force held at 0.6 of break-away for 2 s, then released": hold,
         "noise of a tenth of break-away (rms)": noise(0.1),
         "noise of a third of break-away (rms)": noise(0.33),
         "slow ramps through break-away in both directions, with rests between": ramps,
@@ -62,15 +63,16 @@ def plain_experiments(break_away: float, sample_rate: float) -> dict[str, Float[
 
 
 def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | None:
-    """The plain experiment that best separates two models as they were fitted; None where none does within an hour.
+    """The simple experiment that best distinguishes the `accepted` model from the `rival`, both as fitted; None where
+    none does within an hour.
 
     **Raises:** `InputError` where there is nothing to design: two forms of one effect, runs that overflow, or motions
     that are imposed.
     """
     if accepted.model.joint.batch.imposed:
         raise InputError(
-            "the motion is imposed, and the experiments that could be designed apply a force",
-            cure="Impose slower and faster motions, smaller ones inside larger ones, and rests.",
+            "the motion is imposed, and the standard experiments apply a force",
+            cure="Impose slower and faster motions, small loops inside large ones, and rests.",
         )
     drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
     batch = accepted.model.joint.batch
@@ -88,8 +90,8 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
         return None
     between = (accepted.effect, rival.effect)
     sentence = (
-        f"To tell {between[0]} from {between[1]}: {best.name}, {seconds:.0f} s (one pass of {_SECONDS:.0f} s separates "
-        f"them by {best.d_prime:.1f} standard deviations of the sensor's noise)."
+        f"To distinguish {between[0]} from {between[1]}: {best.name}, {seconds:.0f} s (one pass of {_SECONDS:.0f} s "
+        f"separates them by {best.d_prime:.1f} standard deviations of the sensor's noise)."
     )
     return NextExperiment(
         between, best.name, best.d_prime, seconds, np.asarray(candidates[best.name]), rate, sentence

@@ -1,4 +1,4 @@
-"""A case whose base fit is not credible: nothing is tested, refitted or named, and the reader is told what to check."""
+"""A case whose base fit is not credible: no effect is tested, refitted or named, and a warning says what to check."""
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.evidence.judgement import Scene
@@ -13,24 +13,25 @@ REASON = "not tested: the base fit is not credible"
 SUMMARY = "Nothing was diagnosed: the base model could not be fitted to these recordings."
 
 
-def unscored(
+def not_diagnosed(
     case: Case,
     base: Model,
     scene: Scene,
-    seen: View,
+    predicted: View,
     parameters: dict[str, Estimate],
     warnings: tuple[str, ...],
     seconds: dict[str, float],
 ) -> Diagnosis:
-    """The diagnosis of a `case` that was not scored: `unknown`, nothing missing by name, every effect untested.
+    """The result for a `case` whose base fit is not credible: `unknown`, no effect named, every effect untested.
 
     **Arguments:**
 
     - `case`: the case.
-    - `base`, `scene`, `seen`: its base fit, its recordings, and what the one says of the others, for pictures.
-    - `parameters`: where the base fit ended.
+    - `base`: its base fit.
+    - `scene`, `predicted`: its recordings, and what the base fit predicts for them, for the plots.
+    - `parameters`: of the base fit.
     - `warnings`: sentences, that of `what_to_check` first.
-    - `seconds`: stage to s.
+    - `seconds`: stage -> s.
     """
     recordings = case.fit_recordings + case.holdout_recordings
     return Diagnosis(
@@ -43,7 +44,7 @@ def unscored(
         mismatch=(),
         base=parameters,
         extended=parameters,
-        recordings=recording_fits(recordings, scene, seen, seen, base.judgement.drive),
+        recordings=recording_fits(recordings, scene, predicted, predicted, base.judgement.drive),
         candidates=tuple(Candidate(name, float("nan"), {}, False, REASON) for name in catalogue()),
         warnings=warnings,
         seconds=seconds,

@@ -22,14 +22,16 @@ def summary_sentence(
     """
     if verdict == "adequate":
         return "Nothing significant is missing: the base model explains the recordings to the noise."
-    before_after = _held_out(fits)
+    held_out = _held_out(fits)
     if not missing:
         text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
-        return f"{text} {_carried(unexplained)} {before_after}".strip() if unexplained.carried_by else text
+        return f"{text} {_carried(unexplained)} {held_out}".strip() if unexplained.carried_by else text
     named = "; ".join(_named(effect) for effect in missing)
-    text = f"Left out: {named}. It acts in: {where}. {before_after}"
+    text = f"Missing from the base model: {named}. The mismatch is in: {where}. {held_out}"
     if verdict == "unknown":
-        text += f" More is missing ({100 * unexplained.share:.0f} % of the misfit) that the catalogue does not explain."
+        text += (
+            f" The catalogue does not explain the remaining {100 * unexplained.share:.0f} % of the misfit."
+        )
         if unexplained.carried_by:
             text += f" {_carried(unexplained)}"
     return text.strip()
@@ -37,8 +39,8 @@ def summary_sentence(
 
 def _carried(unexplained: Unexplained) -> str:
     return (
-        f"A map of the missing force over {unexplained.carried_by} removes {100 * unexplained.explains:.0f} % of what "
-        "is left on held-out recordings."
+        f"A map of the missing force over {unexplained.carried_by} removes {100 * unexplained.explains:.0f} % of the "
+        "misfit that is left on held-out recordings."
     )
 
 
@@ -46,17 +48,19 @@ def _named(effect: MissingEffect) -> str:
     others = [name for name in effect.effect_class if name != effect.effect]
     text = effect.sentence
     if others:
-        text += f" (these recordings cannot tell it from {', '.join(others)})"
+        text += f" (these recordings cannot distinguish it from {', '.join(others)})"
     return text
 
 
 def _held_out(fits: tuple[RecordingFit, ...]) -> str:
-    held = [fit for fit in fits if fit.role == "holdout"]
-    if not held:
+    held_out = [fit for fit in fits if fit.role == "holdout"]
+    if not held_out:
         return ""
-    best = max(held, key=lambda f: f.prediction_rmse_base / max(f.prediction_rmse_extended, 1e-300))
-    verb = "falls" if best.prediction_rmse_extended < best.prediction_rmse_base else "does not fall: it goes"
+    best = max(held_out, key=lambda f: f.prediction_rmse_base / max(f.prediction_rmse_extended, 1e-300))
+    verb = (
+        "falls" if best.prediction_rmse_extended < best.prediction_rmse_base else "does not fall: it changes"
+    )
     return (
-        f"On the held-out recording {best.name} the error 0.1 s ahead {verb} from {best.prediction_rmse_base:.3g} to "
-        f"{best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})."
+        f"On the held-out recording {best.name} the prediction error 0.1 s ahead {verb} from "
+        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})."
     )

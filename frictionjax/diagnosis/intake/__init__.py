@@ -1,1 +1,1 @@
-"""Intake: what a case must have to be diagnosed, what it cannot show, and starting values."""
+"""Intake: what a case must contain, which effects it cannot show, and starting values."""

@@ -1,4 +1,4 @@
-"""What a case must hold before anything is computed from it: numbers, an input, and motion."""
+"""What a case must contain before anything is computed from it: finite numbers, an input, and motion."""
 
 import numpy as np
 
@@ -7,30 +7,30 @@ from frictionjax.estimation.data.batch import noise_level
 from frictionjax.recordings import Case, Recording
 
 _AVERAGED = 0.05  # s
-_STILL = 1.2  # times the noise: the spread of a position that is nothing but noise
-_DRIFT = 2.0  # times the spread that means over noise alone have
+_STILL = 1.2  # times the noise: largest standard deviation of a position that is only noise
+_DRIFT = 2.0  # times the standard deviation of means over noise alone
 
 
 def check_usable(case: Case) -> None:
-    """Refuse force-driven recordings from which nothing can be learnt.
+    """Refuse the force-driven recordings of a `case` from which nothing can be identified.
 
-    **Raises:** `InputError` for a motor constant that is no positive number, for channels that are not finite, for a
+    **Raises:** `InputError` for a motor constant that is not a positive number, for channels that are not finite, for a
     position that never changes or an input that is zero throughout, and when the machine moves in none of the fitted
     recordings.
     """
     constant = case.plant.motor_constant
     if constant is not None and not (np.isfinite(constant) and constant > 0.0):
         raise InputError(
-            f"the motor constant is {constant:g}, it must be above zero",
+            f"the motor constant is {constant:g}, it must be positive",
             file=case.name,
             place="plant",
-            cure="Make it positive, or leave it out (None); when a positive u moves x backwards, change the sign of u",
+            cure="Make it positive, or leave it out (None); if a positive u moves x backwards, reverse the sign of u",
         )
     for recording in case.recordings:
         _check_channels(case, recording)
     if not any(_moves(recording, case.plant.encoder_step) for recording in case.fit_recordings):
         raise InputError(
-            "the machine moves in none of the recordings to fit: x is nothing but noise",
+            "the machine moves in none of the recordings to fit: x is only noise",
             file=case.name,
             cure="Drive it harder, or check which column is x and that the input reaches the machine",
         )
@@ -64,7 +64,7 @@ def _check_channels(case: Case, recording: Recording) -> None:
 
 
 def _moves(recording: Recording, encoder_step: float | None) -> bool:
-    """Whether `x` is more than white noise: in its spread, or in that of its means over 50 ms."""
+    """Whether `x` varies by more than white noise does: in its samples, or in its means over 50 ms."""
     noise, x = noise_level(recording, encoder_step), recording.x
     size = max(round(_AVERAGED * recording.sample_rate), 1)
     means = x[: x.size // size * size].reshape(-1, size).mean(axis=1)

@@ -1,4 +1,4 @@
-"""What these recordings cannot show: effects that need a regime which no recording visits."""
+"""Effects that cannot be tested with the recordings of a case, since no recording visits the regime they need."""
 
 import numpy as np
 
@@ -12,23 +12,22 @@ from frictionjax.physics.effects import (
 from frictionjax.recordings import Case
 from frictionjax.recordings.regimes import find_regimes
 
-_LEAST = 0.002  # part of the time that a regime must take to count as visited
-_REST = 0.3  # s: rests that tell how friction grows at rest
+_LEAST = 0.002  # part of the time in a regime from which on it counts as visited
+_REST = 0.3  # s: rests from which the growth of friction at rest can be identified
 _WORDS = {
     "sliding": "no recording slides",
     "presliding": "no recording dwells in presliding",
-    "rest": "no recording goes on after a rest of 0.3 s",
+    "rest": "no recording contains a motion after a rest of 0.3 s",
     "both directions": "no recording moves in both directions",
-    "clock": "the recordings share no clock (start_time) that covers a warm-up",
-    "angle": "the position is no angle in radians",
-    "temperature": "not every recording has a temperature, or it changes by less than a kelvin",
+    "clock": "the recordings have no common clock (start_time) that covers a warm-up",
+    "angle": "the position is not an angle in radians",
+    "temperature": "a recording lacks the temperature, or the temperature changes by less than 1 K",
 }
 
 
 def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
-    """Need of an effect (`About.needs`) that the fitted recordings of `case` do not meet -> what they lack, in words.
-
-    `batch` holds the recordings, the fitted ones first.
+    """Each need of an effect (`About.needs`) that the fitted recordings of a `case` do not meet -> what they lack, in
+    words. `batch`: all recordings, the fitted ones first.
     """
     noises = batch.position_noise
     noises = [noise_level(r) for r in case.fit_recordings] if noises is None else np.asarray(noises)
@@ -58,29 +57,29 @@ def _temperature_range(case: Case) -> float:
 
 
 def not_testable(case: Case, batch: AbstractBatch) -> tuple[dict[str, str], frozenset[str]]:
-    """Effects of the catalogue that the recordings cannot show in any form -> why, in words; and the forms that they
-    cannot show of other effects. Arguments as in `missing_needs`."""
+    """Effects of the catalogue that cannot be tested in any form -> why, in words; and the forms of other effects that
+    cannot. `case` and `batch` as in `missing_needs`."""
     lacking = missing_needs(case, batch)
     reasons = idle_effects() if batch.imposed else {}
-    unseen: set[str] = set()
+    barred: set[str] = set()
     for name, forms in catalogue().items():
         why = {form.__name__: [lacking[n] for n in form.about.needs if n in lacking] for form in forms}
         if all(why.values()):
             reasons.setdefault(name, next(iter(why.values()))[0])
         else:
-            unseen |= {form for form, reason in why.items() if reason}
-    return reasons, frozenset(unseen)
+            barred |= {form for form, reason in why.items() if reason}
+    return reasons, frozenset(barred)
 
 
 _IDLE = {
     AbstractInputEffect: "the motion is imposed: no input acts on it",
-    AbstractLoadEffect: "the motion is imposed: no inertia acts, and none behind a spring or a gap",
-    AbstractSensorEffect: "the imposed motion is taken as it was measured",
+    AbstractLoadEffect: "the motion is imposed: no inertia acts, nor a load behind a spring or a gap",
+    AbstractSensorEffect: "the imposed motion is taken as measured",
 }
 
 
 def idle_effects() -> dict[str, str]:
-    """Effect that cannot act on the friction force of an imposed motion, in any of its forms -> why, in words."""
+    """Each effect that cannot act on the friction force of an imposed motion, in any form -> why, in words."""
     reasons = {}
     for name, forms in catalogue().items():
         why = [text for slot, text in _IDLE.items() if all(issubclass(form, slot) for form in forms)]

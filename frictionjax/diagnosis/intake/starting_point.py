@@ -1,11 +1,12 @@
-"""The starting point of a diagnosis: the recordings of a case in arrays, and starting values read off them.
+"""The starting point of a diagnosis: the recordings of a case in arrays, and starting values estimated from them.
 
-The recordings of a case are all of one kind: an input was applied and the position answered, or the motion was imposed
-and the friction force answered.
+All recordings of a case are of one kind: an input was applied and the position measured, or the motion was imposed and
+the friction force measured.
 """
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Bool
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.evidence.judgement import Scene
@@ -21,12 +22,12 @@ _NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified.
 
 
 class StartingPoint(eqx.Module):
-    """The `recordings` of a case, the fitted ones first; the same as a `batch`; which are `held_out` (bool, shape
-    `(r,)`); the `start`; and `notes`, sentences for the warnings."""
+    """The `recordings` of a case, the fitted ones first; the same in arrays, `batch`; which are `held_out` (bool, shape
+    `(r,)`); the starting values, `start`; and `notes`, sentences for the warnings."""
 
     recordings: tuple[Recording, ...]
     batch: AbstractBatch
-    held_out: np.ndarray
+    held_out: Bool[np.ndarray, " r"]
     start: Start
     notes: tuple[str, ...] = eqx.field(static=True)
 
@@ -37,13 +38,13 @@ class StartingPoint(eqx.Module):
 
     @property
     def scene(self) -> Scene:
-        """All recordings, as maps and pictures see them: without an observer where the motion is imposed."""
+        """All recordings, as the mismatch map and the plots use them; no observer where the motion is imposed."""
         bandwidth = 0.0 if self.imposed else SLOW_BANDWIDTH
         return Scene(self.batch, self.held_out, bandwidth, tuple(r.name for r in self.recordings))
 
 
 def starting_point(case: Case) -> StartingPoint:
-    """Read starting values off the fitted recordings of a `case` that `check` lets pass."""
+    """Estimate starting values from the fitted recordings of a `case` that passes `check`."""
     plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     if recordings[0].drive == "motion":
@@ -66,7 +67,7 @@ def check(case: Case) -> None:
         raise InputError(
             f'drive = "motion" in some of the recordings ({", ".join(imposed)}) and "force" in the others',
             file=case.name,
-            cure="make two cases of it, one for each kind, and diagnose them one after the other",
+            cure="split it into two cases, one for each kind, and diagnose each of them",
         )
     for recording in case.recordings:
         least = least_samples(recording.sample_rate)
@@ -75,14 +76,14 @@ def check(case: Case) -> None:
                 f"{recording.x.size} samples are too few for a diagnosis",
                 file=case.name,
                 place=f"recording {recording.name}",
-                cure=f"at {recording.sample_rate:g} Hz it needs at least {least}; leave it out or record longer",
+                cure=f"at {recording.sample_rate:g} Hz at least {least} are needed; leave it out or record longer",
             )
     if not case.fit_recordings or not case.holdout_recordings:
         raise InputError(
             "a diagnosis needs recordings to fit and at least one held-out recording",
             file=case.name,
-            cure='give one recording role = "holdout": it decides whether a name is accepted; of one recording alone, '
-            "`keep_last_third_aside(case)` holds out the last third",
+            cure='give one recording role = "holdout": it decides whether a name is accepted; for a single recording, '
+            "`keep_last_third_aside(case)` holds out its last third",
         )
     if not imposed:
         check_usable(case)

@@ -1,1 +1,1 @@
-"""Mismatch map: where the base model fails, before anything is named."""
+"""Mismatch map: where the base model fails, before any effect is named."""

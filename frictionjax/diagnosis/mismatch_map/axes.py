@@ -1,7 +1,7 @@
-"""Along which axes the mismatch is mapped, and which bin of each every sample lies in.
+"""The axes along which the mismatch is mapped, and the bin of each axis that every sample lies in.
 
-Every axis parts the samples: no sample lies in two of its bins. Where two ways of parting compete for one axis (time
-and distance since a reversal), both are here, and the map keeps the one that tells more.
+Every axis partitions the samples: no sample lies in two of its bins. Where two partitions compete for one axis (time
+and distance since a reversal), both are here, and the map keeps the more informative one.
 """
 
 import itertools
@@ -21,20 +21,22 @@ from frictionjax.simulation import observer_gains
 _RESTS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, np.inf)  # s
 _TIMES = (0.0, 0.005, 0.02, 0.1, 0.5, np.inf)  # s since a reversal
 _BENDS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # distance since a reversal over the deflection at break-away
-_SEEN = 4.0  # standard deviations of the observer's velocity below which a motion is noise
+_SEEN = 4.0  # standard deviations of the observer's velocity below which a velocity counts as noise
 
 
 class Motion(eqx.Module):
-    """The base model's own view of all recordings, shape `(r, n)`: `x`, `v`, bend (|z| over Fs/sigma0), `u`."""
+    """All recordings as the base model observes them, arrays of shape `(r, n)`: `x`, `v`, `bend` (|z| over Fs/sigma0),
+    `u`."""
 
-    x: np.ndarray
-    v: np.ndarray
-    bend: np.ndarray
-    u: np.ndarray
+    x: Float[np.ndarray, "r n"]
+    v: Float[np.ndarray, "r n"]
+    bend: Float[np.ndarray, "r n"]
+    u: Float[np.ndarray, "r n"]
 
 
 class Union(eqx.Module):
-    """Bins of an axis told as one: their `label`, the same as words after "only" (`phrase`), and which they are."""
+    """Bins of an axis that are reported as one: their `label`, the same as words after "only" (`phrase`), and the
+    numbers of the `bins`."""
 
     label: str = eqx.field(static=True)
     phrase: str = eqx.field(static=True)
@@ -42,11 +44,11 @@ class Union(eqx.Module):
 
 
 class Axis(eqx.Module):
-    """One way to part the samples.
+    """One partition of the samples.
 
-    **Attributes:** `name` (of the contract), `labels` of the bins, `phrases` (the same as words after "only"), `index`
-    of each sample's bin, shape `(r, n)`, -1 for none; `unions` of bins that are told as one ("after rests longer than
-    0.3 s").
+    **Attributes:** `name` (as in verdict.json), `labels` of the bins, `phrases` (the same as words after "only"),
+    `index` of each sample's bin, shape `(r, n)`, -1 for none; `unions` of bins that are reported as one ("after rests
+    longer than 0.3 s").
     """
 
     name: str = eqx.field(static=True)
@@ -68,8 +70,8 @@ class Axis(eqx.Module):
 
 
 def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 1"]:
-    """Speed below which each recording is at rest, position units per s: a part of the Stribeck velocity and of the
-    highest speed `top`, and above what the sensor's noise leaves in the observer's velocity."""
+    """Speed below which each recording of the `scene` is at rest, position units per s: a fraction of the Stribeck
+    velocity of the `drive` and of the highest speed `top`, but above the noise of the observer's velocity."""
     modelled = min(0.3 * float(drive.friction.vs), 0.02 * top)
     speeds = []
     for dt, noise in zip(np.asarray(scene.batch.dt), np.asarray(scene.batch.noise), strict=True):
@@ -81,18 +83,18 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
         # From the noise of the position to the velocity of a free mass: l2 q (1 - q) / (1 - p q)^2.
         impulse = np.zeros(round(20.0 / (1.0 - pole)))
         impulse[0] = 1.0
-        answer = np.asarray(lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
-        own = float(gains.velocity) * float(np.linalg.norm(answer)) * float(noise)
-        speeds.append(max(modelled, _SEEN * own))
+        response = np.asarray(lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
+        deviation = float(gains.velocity) * float(np.linalg.norm(response)) * float(noise)
+        speeds.append(max(modelled, _SEEN * deviation))
     return np.array(speeds)[:, None]
 
 
 def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[Axis, ...]:
-    """The axes of a map, frequency excepted.
+    """The axes of a map, except frequency.
 
     **Arguments:**
 
-    - `motion`: the base model's view of the recordings.
+    - `motion`: the recordings as the base model observes them.
     - `drive`: the base model.
     - `plant`: for units.
     - `scene`: the recordings.
@@ -112,7 +114,7 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[A
     )
 
 
-def _regime(motion: Motion, vs: float, slow: np.ndarray, top: float) -> Axis:
+def _regime(motion: Motion, vs: float, slow: Float[np.ndarray, "r 1"], top: float) -> Axis:
     speed = np.abs(motion.v)
     gross = speed > max(min(3.0 * vs, 0.3 * top), 0.0)
     moving = (speed > slow) & (motion.bend > 0.5)
@@ -128,7 +130,7 @@ def _regime(motion: Motion, vs: float, slow: np.ndarray, top: float) -> Axis:
     return Axis("regime", labels, tuple(f"in {label.split(' (')[0]}" for label in labels), index)
 
 
-def _direction(motion: Motion, slow: np.ndarray) -> Axis:
+def _direction(motion: Motion, slow: Float[np.ndarray, "r 1"]) -> Axis:
     index = np.where(motion.v > slow, 0, np.where(motion.v < -slow, 1, 2))
     labels = ("forward", "backward", "at rest")
     return Axis("direction", labels, ("moving forward", "moving backward", "at rest"), index)
@@ -139,25 +141,27 @@ def _velocity(motion: Motion, top: float, plant: Plant) -> Axis:
     return _along("velocity", np.abs(motion.v), edges, f"{plant.position_unit}/s", "|v|")
 
 
-def _position(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+def _position(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     places = np.linspace(float(motion.x[valid].min()), float(motion.x[valid].max()), 9)
     return _along("position", motion.x, places, plant.position_unit, "x")
 
 
-def _input(motion: Motion, valid: np.ndarray, plant: Plant) -> Axis:
+def _input(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
     effort[0], effort[-1] = 0.0, np.inf
     return _along("input", np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|")
 
 
-def _along(name: str, values: np.ndarray, edges: np.ndarray, unit: str, symbol: str) -> Axis:
-    """An axis along the `values` of a quantity that is written as `symbol`."""
-    # The outermost edges hold everything beyond them: the largest position itself, and the samples not scored.
+def _along(
+    name: str, values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str, symbol: str
+) -> Axis:
+    """An axis along the `values` of a quantity with this `symbol`."""
+    # The outermost bins include everything beyond their edges: the largest position itself, and samples not scored.
     index = np.clip(np.digitize(values, edges) - 1, 0, len(edges) - 2)
     inner = tuple(neat(edge, unit, edge - before) for before, edge in itertools.pairwise(edges[:-1].tolist()))
     labels = [f"{symbol} {span(low, high, unit)}" for low, high in itertools.pairwise(edges[:-1].tolist())]
     if np.isinf(edges[-1]):
-        # A size, from zero on, without an end.
+        # A magnitude: from zero to infinity.
         first = f"{symbol} below {inner[0]}" if inner else f"{symbol} of any size"
         labels = [first, *labels[1:], *([f"{symbol} above {inner[-1]}"] if inner else [])]
     else:
@@ -167,8 +171,8 @@ def _along(name: str, values: np.ndarray, edges: np.ndarray, unit: str, symbol: 
 
 
 def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tuple[Union, ...]:
-    """All bins above and all below each of the `edges` between bins that lie in order, except where this is one bin;
-    `before` makes a phrase of their label."""
+    """The unions of all bins above, and of all below, each of the `edges` between ordered bins, unless that is a single
+    bin; `before` precedes the label in the phrase."""
     bins, found = tuple(range(len(edges) + 1)), []
     for k, edge in enumerate(edges):
         if k + 1 < len(edges):
@@ -179,22 +183,22 @@ def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tupl
 
 
 def _since_reversal(
-    motion: Motion, drive: Drive, slow: np.ndarray, plant: Plant, scene: Scene
+    motion: Motion, drive: Drive, slow: Float[np.ndarray, "r 1"], plant: Plant, scene: Scene
 ) -> tuple[Axis, Axis]:
     dt = np.asarray(scene.batch.dt)
     since = [
-        since_reversal(x, v, float(own), float(step))
-        for x, v, own, step in zip(motion.x, motion.v, slow[:, 0], dt, strict=True)
+        since_reversal(x, v, float(rest), float(step))
+        for x, v, rest, step in zip(motion.x, motion.v, slow[:, 0], dt, strict=True)
     ]
     bend = float(drive.friction.Fs / drive.friction.sigma0)
     edges = [one_two_five(bend * size) for size in _BENDS]
     reach = max(float(np.ptp(x[:length])) for x, length in zip(motion.x, scene.batch.lengths, strict=True))
     distances = np.array([0.0, *dict.fromkeys(edge for edge in edges if edge < reach), np.inf])
-    time, way = np.stack([one[0] for one in since]), np.stack([one[1] for one in since])
-    return _after(time, np.array(_TIMES), "s"), _after(way, distances, plant.position_unit)
+    time, distance = np.stack([one[0] for one in since]), np.stack([one[1] for one in since])
+    return _after(time, np.array(_TIMES), "s"), _after(distance, distances, plant.position_unit)
 
 
-def _after(values: np.ndarray, edges: np.ndarray, unit: str) -> Axis:
+def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str) -> Axis:
     labels, phrases = [], []
     for low, high in itertools.pairwise(edges.tolist()):
         if low == 0.0 and np.isfinite(high):
@@ -214,10 +218,10 @@ def _after(values: np.ndarray, edges: np.ndarray, unit: str) -> Axis:
     return Axis("since_reversal", tuple(labels), tuple(phrases), index, unions)
 
 
-def _dwell(motion: Motion, slow: np.ndarray, scene: Scene) -> Axis:
+def _dwell(motion: Motion, slow: Float[np.ndarray, "r 1"], scene: Scene) -> Axis:
     dt = np.asarray(scene.batch.dt)
     rows = [
-        last_rest(v, float(own), float(step)) for v, own, step in zip(motion.v, slow[:, 0], dt, strict=True)
+        last_rest(v, float(rest), float(step)) for v, rest, step in zip(motion.v, slow[:, 0], dt, strict=True)
     ]
     length, resting = np.stack([row[0] for row in rows]), np.stack([row[1] for row in rows])
     index = np.digitize(length, _RESTS[1:-1])

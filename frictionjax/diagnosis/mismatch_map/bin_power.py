@@ -1,4 +1,4 @@
-"""Power of the innovations in every bin of every axis, and how it scatters from cluster to cluster of 0.5 s."""
+"""Power of the innovations in every bin of every axis, and its standard error from clusters of 0.5 s."""
 
 import equinox as eqx
 import numpy as np
@@ -11,15 +11,15 @@ from frictionjax.estimation.data.batch import CLUSTER
 
 LEAST_SAMPLES = 200
 """A bin with fewer samples is left out."""
-_FEW = 3  # clusters: fewer say nothing of a scatter
+_FEW = 3  # clusters: fewer give no standard error
 
 
 class Tally(eqx.Module):
-    """Which samples to add for each bin and cluster.
+    """Which samples to sum for each bin and cluster.
 
     **Attributes:** `bins` (number of the axis, number of its bin), `samples` of each bin, shape `(b,)`; for each
-    cluster of each bin, `m` in all, its bin `owner`, its number of samples `size`, and the `cluster` it is; `adds`,
-    the sparse matrix `(m, r n)` of ones that adds up its samples.
+    cluster of each bin, `m` in all, its bin `owner`, its number of samples `size`, and its number `cluster`; `adds`,
+    the sparse matrix `(m, r n)` of ones that sums its samples.
     """
 
     bins: tuple[tuple[int, int], ...] = eqx.field(static=True)
@@ -29,29 +29,32 @@ class Tally(eqx.Module):
     cluster: Int[np.ndarray, " m"]
     adds: csr_array
 
-    def sums(self, squares: Float[np.ndarray, "..."]) -> Float[np.ndarray, "m k"]:
+    def sums(self, squares: Float[np.ndarray, "k r n"]) -> Float[np.ndarray, "m k"]:
         """Sum over each cluster of each bin of `squares`, shape `(k, r, n)`."""
         return self.adds @ squares.reshape(squares.shape[0], -1).T
 
-    def powers(self, sums: Float[np.ndarray, "m k"]) -> tuple[np.ndarray, np.ndarray]:
-        """Mean of each bin, and its standard error from clusters as a share of it: each of shape `(b, k)`.
+    def powers(
+        self, sums: Float[np.ndarray, "m k"]
+    ) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
+        """Mean of each bin, from the `sums`, and its relative standard error from clusters: each of shape `(b, k)`.
 
-        The standard error of a ratio of sums, sum of squares over sum of samples; 0 where there are too few clusters.
+        The standard error is that of a ratio of sums, sum of squares over number of samples; 0 where there are too few
+        clusters.
         """
         gather = csr_array(
             (np.ones(self.owner.size), (self.owner, np.arange(self.owner.size))),
             shape=(len(self.bins), self.owner.size),
         )
         mean = (gather @ sums) / self.samples[:, None]
-        off = sums - mean[self.owner] * self.size[:, None]
+        deviation = sums - mean[self.owner] * self.size[:, None]
         clusters = np.bincount(self.owner, minlength=len(self.bins))[:, None]
-        spread = np.sqrt(gather @ off**2 * clusters / np.maximum(clusters - 1, 1))
+        spread = np.sqrt(gather @ deviation**2 * clusters / np.maximum(clusters - 1, 1))
         total = np.maximum(mean * self.samples[:, None], 1e-300)
         return mean, np.where(clusters >= _FEW, spread / total, 0.0)
 
 
 def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
-    """The tally of all bins of the `axes` that hold enough scored samples of the `scene`."""
+    """The tally of all bins of the `axes` with enough scored samples of the `scene`."""
     scored = np.asarray(scene.batch.valid).ravel() > 0
     cluster = clusters_of(scene).ravel()
     width = int(cluster.max()) + 1
@@ -59,12 +62,12 @@ def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
     total = 0
     for number, axis in enumerate(axes):
         index = np.asarray(axis.index).ravel()
-        held = np.bincount(index[scored & (index >= 0)], minlength=len(axis.labels))
+        counts = np.bincount(index[scored & (index >= 0)], minlength=len(axis.labels))
         place = np.full(len(axis.labels) + 1, -1)  # the last for samples in no bin
-        for k in np.flatnonzero(held >= LEAST_SAMPLES).tolist():
+        for k in np.flatnonzero(counts >= LEAST_SAMPLES).tolist():
             place[k] = len(bins)
             bins.append((number, k))
-            samples.append(int(held[k]))
+            samples.append(int(counts[k]))
         inside = np.flatnonzero(scored & (place[index] >= 0))
         keys = place[index[inside]] * width + cluster[inside]
         count = np.bincount(keys)
@@ -78,11 +81,11 @@ def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
     column, row = np.concatenate(columns), np.concatenate(rows)
     adds = csr_array((np.ones(column.size, np.float32), (row, column)), shape=(total, scored.size))
     parts = np.concatenate(owner), np.concatenate(size).astype(float), np.concatenate(which)
-    return Tally(tuple(bins), np.array(samples), *parts, adds)
+    return Tally(tuple(bins), np.array(samples, int), *parts, adds)
 
 
 def clusters_of(scene: Scene) -> Int[np.ndarray, "r n"]:
-    """Number of the cluster of 0.5 s that each sample lies in; no two recordings share one. Shape `(r, n)`."""
+    """Number of the cluster of 0.5 s of each sample of the `scene`, shape `(r, n)`; no two recordings share one."""
     rows, length = np.asarray(scene.batch.valid).shape
-    within = np.arange(length) // (scene.batch.block * CLUSTER)
-    return within[None, :] + (int(within[-1]) + 1) * np.arange(rows)[:, None]
+    own = np.arange(length) // (scene.batch.block * CLUSTER)
+    return own[None, :] + (int(own[-1]) + 1) * np.arange(rows)[:, None]

@@ -1,9 +1,9 @@
-"""Inside the strongest bins of the map: does the excess lie in one part of another axis alone?
+"""Whether the excess of the strongest bins of the map lies in one part of another axis alone.
 
 Each bin of the other axes, and each union of them ("after rests longer than 0.3 s"), is compared with the rest of the
-strongest bins. Nothing is known in advance of how strong a mismatch is from one moment to the next: the standard error
-of the logarithm of the two powers' ratio comes from clusters of 0.5 s, and its p-value, by Student's t with the degrees
-of freedom of Welch and Satterthwaite, counts for all parts that were compared (Bonferroni).
+strongest bins. The scatter of a mismatch over time is unknown: the standard error of the logarithm of the ratio of the
+two powers comes from clusters of 0.5 s. Its p-value, by Student's t with the degrees of freedom of Welch and
+Satterthwaite, is corrected for the number of parts compared (Bonferroni).
 """
 
 from dataclasses import replace
@@ -22,14 +22,14 @@ _ASKED = ("dwell", "direction", "since_reversal", "position", "input", "time")
 _MOST_TOLD = 2
 _LEAST_SHARE = 0.75
 _LEAST_CONTRAST = 3.0  # excess inside over excess elsewhere
-_LARGEST_PART = 0.8  # of the samples: a part that is nearly all says nothing
+_LARGEST_PART = 0.8  # of the samples: a part with nearly all of them is not informative
 _FEW = 3  # clusters on either side, at least
 
 
 def parts_within(
     lead: tuple[MismatchBin, ...], axes: tuple[Axis, ...], power: Float[np.ndarray, "r n"], scene: Scene
 ) -> tuple[Within, ...]:
-    """Parts of other axes that hold the excess of the `lead`, one after the other: each inside the ones before.
+    """Parts of other axes that contain the excess of the `lead`, one after the other: each within those before.
 
     **Arguments:**
 
@@ -40,15 +40,15 @@ def parts_within(
     """
     scored = np.asarray(scene.batch.valid) > 0
     inside = scored & np.any([_inside(one, axes) for one in lead], axis=0)
-    given, told, found = " or ".join(one.bin for one in lead), {lead[0].axis}, []
+    given, used, found = " or ".join(one.bin for one in lead), {lead[0].axis}, []
     for _ in range(_MOST_TOLD):
-        left = [axis for axis in axes if axis.name in _ASKED and axis.name not in told]
+        left = [axis for axis in axes if axis.name in _ASKED and axis.name not in used]
         best = _strongest_part(left, inside, power, scene, given)
         if best is None:
             break
         part, mask = best
         found.append(part)
-        told.add(part.axis)
+        used.add(part.axis)
         inside, given = inside & mask, f"{given}, {part.bin}"
     return tuple(found)
 
@@ -68,44 +68,52 @@ def _strongest_part(
     scene: Scene,
     given: str,
 ) -> tuple[Within, Bool[np.ndarray, "r n"]] | None:
-    """The part of one of the `axes` that holds most of the excess `inside` in the fewest samples, with its mask; None
-    when no part is told from the rest."""
-    own, cluster = power[inside], clusters_of(scene)[inside]
+    """The part of one of the `axes` that contains most of the excess `inside` in the fewest samples, with its mask;
+    None when no part differs significantly from the rest."""
+    selected, cluster = power[inside], clusters_of(scene)[inside]
     compared, found = 0, []
     for axis in axes:
         for label, phrase, bins in axis.parts():
             mask = axis.inside(bins)
             here = mask[inside]
             count = int(here.sum())
-            if min(count, own.size - count) < LEAST_SAMPLES or count > _LARGEST_PART * own.size:
+            if min(count, selected.size - count) < LEAST_SAMPLES or count > _LARGEST_PART * selected.size:
                 continue
-            p_value = _more_power(own, here, cluster)
+            p_value = _more_power(selected, here, cluster)
             if p_value is None:
                 continue
             compared += 1
-            high, low = float(own[here].mean()), float(own[~here].mean())
-            extra, rest = max(high - 1.0, 0.0) * count, max(low - 1.0, 0.0) * (own.size - count)
+            high, low = float(selected[here].mean()), float(selected[~here].mean())
+            extra = max(high - 1.0, 0.0) * count
+            rest = max(low - 1.0, 0.0) * (selected.size - count)
             if extra > 0.0:
                 share = extra / (extra + rest)
-                told = Within(axis.name, label, phrase, given, share, count / own.size, high, low, p_value)
-                found.append((told, mask))
-    told = [
+                samples = count / selected.size
+                part = Within(axis.name, label, phrase, given, share, samples, high, low, p_value)
+                found.append((part, mask))
+    clear = [
         (part, mask)
         for part, mask in found
         if part.p_value * compared < SIGNIFICANT
         and part.share >= _LEAST_SHARE
         and part.excess - 1.0 >= _LEAST_CONTRAST * (part.excess_elsewhere - 1.0)
     ]
-    if not told:
+    if not clear:
         return None
-    part, mask = max(told, key=lambda one: divergence(one[0].share, one[0].samples))
+    part, mask = max(clear, key=lambda one: _divergence(one[0]))
     return replace(part, p_value=part.p_value * compared), mask
+
+
+def _divergence(part: Within) -> float:
+    """How informative a part is: that of its share of the excess given its share of the samples."""
+    return divergence((part.share, 1.0 - part.share), (part.samples, 1.0 - part.samples))
 
 
 def _more_power(
     power: Float[np.ndarray, " s"], here: Bool[np.ndarray, " s"], cluster: Int[np.ndarray, " s"]
 ) -> float | None:
-    """p-value of the power `here` being that elsewhere, against its being larger; None where clusters are too few."""
+    """One-sided p-value of the `power` being no larger `here` than elsewhere, by each sample's `cluster`; None where
+    there are too few clusters."""
     logs, variances, degrees = [], [], []
     for mask in (here, ~here):
         which = cluster[mask]

@@ -1,4 +1,4 @@
-"""The frequency axis of the map: spectrum of the innovations over that of noise seen by the observer."""
+"""The frequency axis of the map: spectrum of the innovations over that of noise through the observer."""
 
 import itertools
 
@@ -9,22 +9,23 @@ from jaxtyping import Float, Int
 from frictionjax.diagnosis.evidence.judgement import Scene
 
 _EDGES = np.array([0.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, np.inf])  # Hz
-# The observer leaves next to nothing at low frequencies: a hundredth of the mean is added on both sides, so that
-# rounding and leakage are not told as an excess.
+# Innovations of noise have almost no power at low frequencies: a hundredth of the mean is added to both spectra, so
+# that rounding and leakage do not count as an excess.
 _GROUND = 0.01
 
 
 class Bands(eqx.Module):
-    """Frequency bands and what noise alone leaves in them.
+    """Frequency bands and the power of noise alone in them.
 
-    **Attributes:** `labels`; `lines`, the number of spectral lines in each, and `null`, the power that the floor leaves
-    there, a line's mean being 1, shape `(b,)`; `band` of each line of each recording, and their `lengths` in samples.
+    **Attributes:** `labels`; `lines`, the number of spectral lines in each, and `null`, the power of the
+    floor there, in units of the mean of a line, shape `(b,)`; `band` of each line of each recording, and the `lengths`
+    of the recordings in samples.
     """
 
     labels: tuple[str, ...] = eqx.field(static=True)
     lines: Int[np.ndarray, " b"]
     null: Float[np.ndarray, " b"]
-    band: tuple[np.ndarray, ...]
+    band: tuple[Int[np.ndarray, " _"], ...]
     lengths: tuple[int, ...] = eqx.field(static=True)
 
     def powers(self, e: Float[np.ndarray, "k r n"]) -> Float[np.ndarray, "b k"]:
@@ -39,26 +40,26 @@ class Bands(eqx.Module):
 
 
 def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
-    """The bands that the recordings of the `scene` reach.
+    """The bands below the Nyquist frequency of the recordings of the `scene`.
 
-    Noise of the sensor is seen as |(1 - q)/(1 - p q)|^4, a white force on a free mass as 1/|1 - p q|^4, each of mean 1;
-    of the `floor` of each sample the sensor has 1 and the force the rest.
+    In the innovations the sensor's noise has the spectrum |(1 - q)/(1 - p q)|^4, a white force on a free mass
+    1/|1 - p q|^4, each of mean 1. Of the `floor` of each sample, 1 is the sensor's noise and the rest the force.
     """
     null, bands = np.zeros(len(_EDGES) - 1), []
     for row, length in enumerate(scene.batch.lengths):
         dt = float(scene.batch.dt[row])
         frequency = np.fft.rfftfreq(length, dt)[1:]
         q = np.exp(-2j * np.pi * frequency * dt)
-        seen = np.abs(1.0 - np.exp(-2.0 * np.pi * min(scene.bandwidth, 0.1 / dt) * dt) * q) ** -4.0
-        sensor = np.abs(1.0 - q) ** 4 * seen
+        force = np.abs(1.0 - np.exp(-2.0 * np.pi * min(scene.bandwidth, 0.1 / dt) * dt) * q) ** -4.0
+        sensor = np.abs(1.0 - q) ** 4 * force
         if scene.bandwidth == 0.0:  # no observer: all noise of an imposed motion's force is white
-            seen = sensor = np.ones(frequency.size)
+            force = sensor = np.ones(frequency.size)
         part = float(np.mean(1.0 / floor[row, :length]))
-        mixed = part * sensor / sensor.mean() + (1.0 - part) * seen / seen.mean()
+        mixed = part * sensor / sensor.mean() + (1.0 - part) * force / force.mean()
         band = np.digitize(frequency, _EDGES) - 1
         null += np.bincount(band, mixed + _GROUND, minlength=null.size)
         bands.append(band)
-    # Bands beyond the sampling of every recording hold nothing; they are the last ones.
+    # Bands above the Nyquist frequency of every recording are empty; they are the last ones.
     used = int(np.flatnonzero(null > 0)[-1]) + 1
     labels = tuple(
         f"{low:.3g} to {high:.3g} Hz" if np.isfinite(high) else f"above {low:.3g} Hz"

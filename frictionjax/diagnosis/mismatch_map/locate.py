@@ -1,8 +1,8 @@
-"""Locate: where the base model fails, before anything is named.
+"""Locate the mismatch: where the base model fails, before any effect is named.
 
-Excess power of the standardised innovations over the floor, in bins of regime, direction, velocity, position, input,
-time or distance since a reversal, dwell, time and frequency. The shares of one axis add to 1. The floor is known in
-advance: the mean of the map decides nothing, so that a mismatch that is everywhere is seen as well as one in one place.
+Excess power of the standardised innovations over the noise floor, in bins of regime, direction, velocity, position,
+input, time or distance since a reversal, dwell, time and frequency. The shares of one axis add to 1. The floor is an
+absolute reference, so that a mismatch of all samples is found as well as a local one.
 """
 
 import itertools
@@ -20,13 +20,16 @@ from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
-from frictionjax.diagnosis.mismatch_map.where_words import lead_of, where_words
+from frictionjax.diagnosis.mismatch_map.where_words import divergence, lead_of, where_words
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 
 class Located(eqx.Module):
-    """**Attributes:** `bins` (the map), `within` (which parts of other axes hold the excess of its strongest bins),
-    `where` (both in words)."""
+    """Where the base model fails.
+
+    **Attributes:** `bins` (the map), `within` (which parts of other axes contain the excess of its strongest bins),
+    `where` (both in words).
+    """
 
     bins: tuple[MismatchBin, ...]
     within: tuple[Within, ...]
@@ -42,25 +45,26 @@ def locate(
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
 ) -> Located:
-    """The map over all recordings, and where it is strongest.
+    """The map over all recordings, and where its excess is strongest.
 
     **Arguments:**
 
-    - `base`, `extended`: the two models' views.
+    - `base`, `extended`: what the two models predict.
     - `axes`: from `axes_of`.
     - `scene`: the recordings.
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
-    - `chance`: what noise makes of this map; drawn when None, side by side with the `mapping` of an executor.
+    - `chance`: distribution of the map under noise alone; drawn when None.
+    - `mapping`: as `map`; that of an executor draws in parallel.
     """
     level = floor_of_samples(floor, scene)
     e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
     tally, bands = tally_of(axes, scene), bands_of(scene, level)
     chance = chance_of(tally, bands, scene, level, mapping=mapping) if chance is None else chance
     sums = tally.sums(np.stack([e, after]) ** 2)
-    power, own = tally.powers(sums)
+    power, errors = tally.powers(sums)
     power = np.concatenate([power, bands.powers(np.stack([e, after]))])
-    own = np.concatenate([own[:, 0], np.zeros(len(bands.labels))])
-    p_values = chance.p_values(statistic_of(power[:, 0], own, chance.spread))
+    errors = np.concatenate([errors[:, 0], np.zeros(len(bands.labels))])
+    p_values = chance.p_values(statistic_of(power[:, 0], errors, chance.spread))
     names = [(number, axes[number].name, axes[number].labels[k]) for number, k in tally.bins]
     names += [(len(axes), "frequency", label) for label in bands.labels]
     counts = [*tally.samples.tolist(), *bands.lines.tolist()]
@@ -79,13 +83,13 @@ def locate(
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:
-    """The unions of the `bins` that the `axes` name, as one bin each; its p-value is the smallest of theirs."""
+    """The unions of the `bins` that the `axes` define, as one bin each, with the smallest of their p-values."""
     found = []
     for axis in axes:
         known = {b.bin: b for b in bins if b.axis == axis.name}
         for union in axis.unions:
             own = [known[axis.labels[k]] for k in union.bins if axis.labels[k] in known]
-            if not own or not set(known) <= set(axis.labels):  # another way of parting was kept
+            if not own or not set(known) <= set(axis.labels):  # the other partition was kept
                 continue
             weight = [b.count / sum(b.count for b in own) for b in own]
             found.append(
@@ -103,13 +107,16 @@ def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[Mi
 
 
 def floor_of_samples(floor: Float[np.ndarray, "r b"] | None, scene: Scene) -> Float[np.ndarray, "r n"]:
-    """The `floor` of each block, shape `(r, b)`, for each sample; 1 when there is none. Shape `(r, n)`."""
+    """The `floor` of each block, shape `(r, b)`, at each sample of the `scene`, shape `(r, n)`; 1 when it is None."""
     shape = np.asarray(scene.batch.valid).shape
     return np.ones(shape) if floor is None else np.repeat(np.maximum(floor, 1.0), scene.batch.block, axis=1)
 
 
-def _with_shares(rows: list[MismatchBin], weights: np.ndarray, members: list[int]) -> list[MismatchBin]:
-    """The bins of one axis, the `members` of `rows`, with their shares; `weights`: power that noise alone leaves."""
+def _with_shares(
+    rows: list[MismatchBin], weights: Float[np.ndarray, " b"], members: list[int]
+) -> list[MismatchBin]:
+    """The bins of one axis, the `members` of `rows`, with their shares of the excess; `weights`: power of
+    noise alone in each."""
     extra = np.array([max(rows[i].excess - 1.0, 0.0) * weights[i] for i in members])
     total = float(extra.sum())
     shares = extra / total if total > 0 else np.full(len(members), 1.0 / len(members))
@@ -128,7 +135,5 @@ def _most_telling(maps: list[list[MismatchBin]]) -> list[list[MismatchBin]]:
 
 
 def _divergence(rows: list[MismatchBin]) -> float:
-    share = np.array([row.share for row in rows])
-    samples = np.array([row.count for row in rows]) / sum(row.count for row in rows)
-    seen = share > 0.0
-    return float(np.sum(share[seen] * np.log(share[seen] / samples[seen])))
+    total = sum(row.count for row in rows)
+    return divergence((row.share for row in rows), (row.count / total for row in rows))

@@ -1,22 +1,23 @@
-"""Where the mismatch is, in plain words, from the bins of the map that stand out and are no chance."""
+"""Where the mismatch is, in plain words, from the bins of the map that are significant and large."""
 
 import math
+from collections.abc import Iterable
 
 from frictionjax.core.quantities import times
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 SIGNIFICANT = 0.05
 """p-value, over all bins or parts compared, below which a place is reported."""
-_LEAST_EXCESS = 1.2  # power over the floor: below it nothing is worth telling, however sure
-_SHARP = 0.6  # share of one bin of another axis from which it is told
-# How long a rest was is told as a condition on these, or on the regime.
+_LEAST_EXCESS = 1.2  # power over the floor: a smaller one is not reported, however significant
+_SHARP = 0.6  # share of one bin of another axis from which on it is reported
+# The duration of a rest is reported as a condition on these, or on the regime.
 _SHARP_AXES = ("since_reversal", "position", "input", "time")
-_EVERYWHERE = 3.0  # ratio of the excesses of the regimes up to which none of them stands out
+_EVERYWHERE = 3.0  # largest ratio of the excesses of the regimes at which they are reported as one
 
 
 def stands_out(one: MismatchBin) -> bool:
-    """Whether a bin is worth telling: significant after correction for the whole map (as far as known), and of a size
-    that matters."""
+    """Whether the bin `one` is reported: large, and significant after correction for the whole map (where that is
+    known)."""
     return one.excess > _LEAST_EXCESS and not one.p_value >= SIGNIFICANT
 
 
@@ -27,7 +28,7 @@ def strongest(bins: tuple[MismatchBin, ...], axis: str) -> MismatchBin | None:
 
 def lead_of(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...] = ()) -> tuple[MismatchBin, ...]:
     """The bins that the sentence is about: one sharp bin, or union of bins, of another axis than regime, else the
-    regimes told; empty when nothing stands out."""
+    strongest regimes; empty when nothing stands out. `bins`: the map, `unions`: its unions."""
     sharp = _sharp(bins, unions)
     return (sharp,) if sharp is not None else _regimes(bins)
 
@@ -43,7 +44,7 @@ def where_words(
     **Arguments:**
 
     - `bins`: the map.
-    - `unions`: bins of it that may be told as one.
+    - `unions`: bins of it that may be reported as one.
     - `within`: from `parts_within`, for the bins that `lead_of` gives.
     """
     regimes, sharp = _regimes(bins), _sharp(bins, unions)
@@ -79,23 +80,24 @@ def _everywhere(bins: tuple[MismatchBin, ...]) -> bool:
 
 
 def _sharp(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...]) -> MismatchBin | None:
-    """The bin, or union of bins, of another axis than regime that tells most: nearly all of the excess in the smallest
+    """The most informative bin, or union of bins, of another axis than regime: nearly all of the excess in the smallest
     part of the samples."""
     found = []
     for axis in _SHARP_AXES:
         samples = sum(b.count for b in bins if b.axis == axis)
         for b in (*bins, *unions):
-            # A share that the bin's length alone would give tells nothing.
+            # A share in proportion to the bin's samples is not informative.
             if b.axis == axis and stands_out(b) and b.share > max(_SHARP, 2.0 * b.count / samples):
-                found.append((divergence(b.share, b.count / samples), b))
+                part = b.count / samples
+                found.append((divergence((b.share, 1.0 - b.share), (part, 1.0 - part)), b))
     return max(found, key=lambda pair: pair[0])[1] if found else None
 
 
-def divergence(share: float, samples: float) -> float:
-    """How much it tells that a part with this share of the `samples` holds this `share` of the excess: the divergence
-    of Kullback and Leibler, nats."""
-    told = share * math.log(share / samples) if share > 0.0 else 0.0
-    return told + ((1.0 - share) * math.log((1.0 - share) / (1.0 - samples)) if share < 1.0 else 0.0)
+def divergence(shares: Iterable[float], samples: Iterable[float]) -> float:
+    """Information in these `shares` of the excess of bins with these shares of the `samples`: the divergence of
+    Kullback and Leibler, nats. Each add up to 1."""
+    pairs = zip(shares, samples, strict=True)
+    return sum((share * math.log(share / own) for share, own in pairs if share > 0.0), start=0.0)
 
 
 def _prominence(b: MismatchBin) -> float:

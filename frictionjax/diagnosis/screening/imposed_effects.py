@@ -1,19 +1,27 @@
-"""Under an imposed motion effects are simulated as they are: the motion is the same whatever the model."""
+"""Effects under an imposed motion are simulated directly: the motion does not depend on the model."""
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
 
 
-def errors_with_effect(joints: list[Posterior], vectors: list[Float[Array, " q"]]) -> Float[Array, "k r n"]:
-    """Standardised errors of the force for each of `vectors`, of models of one layout (`joints`, which may differ in
-    what is not free), shape `(k, r, n)`."""
-    posteriors = jax.tree.map(lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in joints))
-    return _side_by_side(joints[0], *posteriors, jnp.stack([jnp.asarray(vector) for vector in vectors]))
+def errors_with_effect(
+    posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
+) -> Float[Array, "k r n"]:
+    """Standardised errors of the force for each of `vectors` of as many `posteriors`, which have one layout and may
+    differ in fixed parameters, shape `(k, r, n)`."""
+    drives, starts = jax.tree.map(
+        lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in posteriors)
+    )
+    stacked = jnp.stack([jnp.asarray(vector) for vector in vectors])
+    return _side_by_side(posteriors[0], drives, starts, stacked)
 
 
 @eqx.filter_jit

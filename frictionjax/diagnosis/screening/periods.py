@@ -1,62 +1,63 @@
-"""Periods along the stroke at which the prediction errors repeat."""
+"""Periods along the stroke with which the innovations repeat."""
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from scipy.signal import find_peaks
 
 from frictionjax.estimation.data.batch import AbstractBatch
 
-_FEWEST = 1.25  # waves along the stroke: with fewer it is a spring or a slope
-_TALLEST = 5.0  # times the median bin of the profile along the stroke: the most that one bin counts
+_FEWEST = 1.25  # waves along the stroke: fewer are a spring or a slope
+_TALLEST = 5.0  # times the median of the profile along the stroke, at which each of its bins is clipped
 # Samples of travel at the usual speed: shorter waves alias with the observer's own dynamics.
 _SHORTEST_WAVE = 40
-# Along the stroke: a sensor of 10 um a wave goes through 100 000 of them in a metre.
+# Along the stroke: a sensor with a period of 10 um has 100 000 of them in a metre.
 _BINS, _FINE_BINS = 2**12, 2**21
-_ABOVE_NOISE = 10.0  # times the noise of the position: no shorter wave is seen
+_ABOVE_NOISE = 10.0  # times the noise of the position: the shortest period
 
 
 class Wavelengths(NamedTuple):
-    """`periods` along the stroke, strongest first, position units, and among how many they were the strongest: what is
-    chosen as the largest of many is to be tested as that."""
+    """The strongest `periods` along the stroke, strongest first, position units, and `among` how many they were chosen,
+    by which their p-values are to be corrected."""
 
     periods: tuple[float, ...] = ()
     among: int = 1
 
 
 def wavelengths(
-    innovation: np.ndarray,
-    speed: np.ndarray,
+    innovation: Float[np.ndarray, "r n"],
+    speed: Float[np.ndarray, "r n"],
     batch: AbstractBatch,
     *,
     odd: bool,
     count: int = 3,
     fine: bool = False,
 ) -> Wavelengths:
-    """Periods along the stroke at which the innovations repeat.
+    """Periods along the stroke with which the innovations repeat.
 
-    Innovations of sliding samples, weighted by their block's level, are summed in bins of position (with the
-    sign of the velocity for `odd`: a friction that varies); the Fourier transform of the sums is a periodogram.
+    Innovations of sliding samples, weighted by the level of their block, are summed in bins of position (with the sign
+    of the velocity for `odd`: friction that varies); the Fourier transform of the sums is a periodogram.
 
     **Arguments:**
 
     - `innovation`, `speed`: standardised innovations and predicted velocity, shape `(r, n)`.
     - `batch`: the recordings.
-    - `odd`: True for a force against the motion, False for one that does not care for its direction.
+    - `odd`: True for a force against the motion, False for one that does not depend on its direction.
     - `count`: how many periods.
-    - `fine`: look for those of a sensor, which may be far shorter and show at any speed.
+    - `fine`: search for those of a sensor, which may be far shorter and appear at any speed.
     """
     power = np.asarray(batch.block_mean(jnp.asarray(innovation**2)))
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
-    # Vibration in stick is fast, and goes nowhere: what counts is how far the machine gets within a block.
+    # Vibration in stick is fast without displacement: what counts is the mean velocity over a block.
     travel = np.abs(speed.reshape(speed.shape[0], -1, batch.block).mean(-1))
     moving = travel >= 0.02 * max(float(np.quantile(travel, 0.999)), 1e-300)
     if not np.any(moving):
         return Wavelengths()
     usual = float(np.median(travel[moving]))
-    getting_on = np.repeat(moving, batch.block, axis=-1)
-    sliding = (weight > 0) & (fine | getting_on)
+    travelling = np.repeat(moving, batch.block, axis=-1)
+    sliding = (weight > 0) & (fine | travelling)
     if sliding.sum() < 1000:
         return Wavelengths()
     x = np.asarray(batch.x)[sliding]
@@ -67,7 +68,7 @@ def wavelengths(
     total = np.bincount(place, value - value.mean(), minlength=bins)
     occupied = np.bincount(place, minlength=bins)
     profile = np.where(occupied > 0, total / np.sqrt(np.maximum(occupied, 1)), 0.0)
-    # A place where the machine stays for long has all periods.
+    # A position at which the machine stays for long is a peak in the profile, with power at all periods.
     most = _TALLEST * float(np.median(np.abs(profile[occupied > 0])))
     profile = np.clip(profile, -most, most)
     finer = 2 if fine else 8
@@ -88,5 +89,5 @@ def wavelengths(
             chosen.append(float(period))
         if len(chosen) == count:
             break
-    # As many as there are waves that a stroke of this length tells apart.
+    # The number of periods that a stroke of this length resolves.
     return Wavelengths(tuple(chosen), max(round(span / shortest - least), 1))

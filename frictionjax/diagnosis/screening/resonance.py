@@ -1,12 +1,14 @@
-"""A second inertia shows in the data before any model: acceleration over input dips, then peaks.
+"""Starting values for a load behind a spring, from the antiresonance and the resonance in the recordings.
 
-Behind a spring, J2 = ratio J answers as 1/J below the antiresonance fa, as 1/J1 above the resonance fr, and
-(fa/fr)^2 = J1/J. Far from the noise no single step of a rigid model leads there: the pair is where a search begins.
+With a load J2 = ratio J behind a spring, acceleration over force is 1/J below the antiresonance fa and 1/J1 above the
+resonance fr, and (fa/fr)^2 = J1/J. Far from the noise no single step from a rigid model reaches such a load: the search
+starts at the measured pair.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Complex, Float, Int
 from scipy.signal import csd, welch
 
 from frictionjax.core import InputError
@@ -21,14 +23,14 @@ _CLOSEST, _FURTHEST = 1.02, 3.2  # resonance over antiresonance: J2 from 4 % to 
 
 
 class Pair(NamedTuple):
-    """Antiresonance `frequency`, Hz, and the `ratio` of the load inertia to the whole that the resonance tells."""
+    """Antiresonance `frequency`, Hz, and `ratio` of the load inertia to the whole, from the resonance."""
 
     frequency: float
     ratio: float
 
 
-def resonance_pair(batch: Batch, rows: np.ndarray) -> Pair | None:
-    """The pair in that of the recordings `rows` whose input moves most of it; None where none shows one."""
+def resonance_pair(batch: Batch, rows: Int[np.ndarray, " k"]) -> Pair | None:
+    """The pair in that of the recordings `rows` of the `batch` with the highest coherence; None where none has one."""
     best: tuple[float, Pair] | None = None
     inputs, positions = np.asarray(batch.u), np.asarray(batch.x)
     for row in rows:
@@ -37,22 +39,22 @@ def resonance_pair(batch: Batch, rows: np.ndarray) -> Pair | None:
         u, x = inputs[row, :n], positions[row, :n]
         f, power = welch(u, rate, nperseg=segment)
         _, cross = csd(u, x, rate, nperseg=segment)
-        _, answer = welch(x, rate, nperseg=segment)
+        _, output = welch(x, rate, nperseg=segment)
         excited = (power > _EXCITED * power.max()) & (f > _LOWEST) & (f < 0.2 * rate)
-        if np.count_nonzero(excited) < 5 or not np.all(answer[excited] > 0.0):
+        if np.count_nonzero(excited) < 5 or not np.all(output[excited] > 0.0):
             continue
-        coherence = float(np.median(np.abs(cross[excited]) ** 2 / (power[excited] * answer[excited])))
+        coherence = float(np.median(np.abs(cross[excited]) ** 2 / (power[excited] * output[excited])))
         found = _pair(f[excited], -((2.0 * np.pi * f[excited]) ** 2) * cross[excited] / power[excited])
         if coherence > _COHERENT and found is not None and (best is None or coherence > best[0]):
             best = coherence, found
     return best[1] if best is not None else None
 
 
-def _pair(frequency: np.ndarray, response: np.ndarray) -> Pair | None:
+def _pair(frequency: Float[np.ndarray, " f"], response: Complex[np.ndarray, " f"]) -> Pair | None:
     try:
         found = resonances(frequency, response)
     except InputError:
-        return None  # a response without a peak and without a dip is an answer, too
+        return None  # the response has no peak and no dip
     dip, peak = found.antiresonance, found.resonance
     if dip is None or peak is None or not _CLOSEST < peak / dip < _FURTHEST:
         return None
