@@ -7,26 +7,64 @@ os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
 
-import jax
 import pytest
 
-import frictionjax
+TYPED = ("core", "excitation")
+"""Packages whose annotations, shapes included, are checked at every call with `--types`."""
 
-# As the program runs: XLA reads its flags when JAX first computes.
-frictionjax.configure_jax()
-# Compiled programs are kept in the checkout, never in the user's cache, for the other files, the other workers and the
-# next run: most of the tests' time is compilation. Programs that the tests start keep theirs there, too. What counts
-# traces counts them all the same, since a program that is found there is traced and asked for like any other.
-frictionjax.core.keep_compiled(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-os.environ["JAX_COMPILATION_CACHE_DIR"] = jax.config.jax_compilation_cache_dir or ""
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
-jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.config.update("jax_numpy_dtype_promotion", "strict")
+TOGETHER = [
+    {"tests/diagnosis/test_exchange.py", "tests/diagnosis/test_moved.py", "tests/diagnosis/test_review.py"}
+]
+"""Files whose tests start from the same fits: one worker runs them all, and fits once."""
 
 
 def pytest_addoption(parser):
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+    parser.addoption(
+        "--types", action="store_true", help="check types and shapes at every call of the package"
+    )
+
+
+def pytest_configure(config):
+    if config.getoption("--types"):
+        # Before the package is imported: what it imports from now on is checked.
+        from jaxtyping import install_import_hook
+
+        install_import_hook([f"frictionjax.{package}" for package in TYPED], "beartype.beartype")
+    _set_up()
+
+
+def _set_up():
+    """JAX as the program has it, but strict, and with its compiled programs in the checkout."""
+    import jax
+
+    import frictionjax
+
+    # XLA reads its flags when JAX first computes.
+    frictionjax.configure_jax()
+    # Compiled programs are kept in the checkout, never in the user's cache, for the other files, the other workers and
+    # the next run: most of the tests' time is compilation. Programs that the tests start keep theirs there, too. What
+    # counts traces counts them all the same: a program that is found there is traced and asked for like any other.
+    frictionjax.core.keep_compiled(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = jax.config.jax_compilation_cache_dir or ""
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+    jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def pytest_xdist_make_scheduler(config, log):
+    """A file to a worker, as modules share what is costly; files that belong together go to one."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Together(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return next((min(files) for files in TOGETHER if file in files), file)
+
+    return Together(config, log)
 
 
 def pytest_collection_modifyitems(config, items):
@@ -41,6 +79,8 @@ def pytest_collection_modifyitems(config, items):
 @pytest.fixture
 def getkey():
     """Returns fresh random keys from one fixed seed."""
+    import jax
+
     key = jax.random.key(20020301)
 
     def next_key():

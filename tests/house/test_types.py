@@ -1,0 +1,20 @@
+"""With `--types`, what the package says of its arguments is checked at every call."""
+
+from importlib.resources import files
+
+import pytest
+from jaxtyping import TypeCheckError
+
+from frictionjax.core import silent
+
+
+def test_a_wrong_type_is_refused_where_types_are_checked(request):
+    if not request.config.getoption("--types"):
+        pytest.skip("types are checked with --types")
+    with pytest.raises(TypeCheckError):
+        silent("a stage", "half")
+
+
+def test_a_type_checker_that_reads_the_package_finds_its_annotations():
+    """The mark of PEP 561, which the installed package carries, too."""
+    assert (files("frictionjax") / "py.typed").is_file()
