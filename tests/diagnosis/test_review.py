@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
-from helpers_selection import LAG, LOAD, SILENT, a_round, converged, pushes, with_effect, world
+from helpers_selection import LAG, SILENT, a_round, converged, pushes, with_effect, world
 
 from frictionjax.core import silent
 from frictionjax.diagnosis.evidence.comparison import compare
@@ -33,13 +33,13 @@ from frictionjax.physics import Drive, catalogue
 @pytest.fixture(scope="module")
 def two():
     """A plant with a load and a lag of the drive, the base model, and its sizes."""
-    return world(LOAD, LAG)
+    return world("load", "lag")
 
 
 @pytest.fixture(scope="module")
 def one():
     """A plant with a lag of the drive alone."""
-    return world(LAG)
+    return world("lag")
 
 
 @pytest.mark.parametrize("effects", [(), (LAG,)])
