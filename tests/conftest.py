@@ -6,6 +6,8 @@ from pathlib import Path
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
+# Even the smallest program is kept: to write it takes no time beside its compilation, and to read it a third of that.
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 import pytest
 
@@ -46,9 +48,7 @@ def _set_up():
     # the next run: most of the tests' time is compilation. Programs that the tests start keep theirs there, too. What
     # counts traces counts them all the same: a program that is found there is traced and asked for like any other.
     frictionjax.core.keep_compiled(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     os.environ["JAX_COMPILATION_CACHE_DIR"] = jax.config.jax_compilation_cache_dir or ""
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
     jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
 
