@@ -15,9 +15,20 @@ TYPED = ("core", "excitation")
 """Packages whose annotations, shapes included, are checked at every call with `--types`."""
 
 TOGETHER = [
-    {"tests/diagnosis/test_exchange.py", "tests/diagnosis/test_moved.py", "tests/diagnosis/test_review.py"}
+    ("tests/diagnosis/test_review.py", "tests/diagnosis/test_exchange.py", "tests/diagnosis/test_moved.py")
 ]
 """Files whose tests start from the same fits: one worker runs them all, and fits once."""
+
+LONG = (
+    "tests/house/test_traces.py",
+    *TOGETHER[0],
+    "tests/diagnosis/test_pipeline.py",
+    "tests/test_notebooks.py",
+    "tests/estimation/test_robust_fit.py",
+    "tests/estimation/test_fit.py",
+    "tests/frequency/test_bla.py",
+)
+"""Files that take longest, begun first: at the end no worker waits long for another."""
 
 
 def pytest_addoption(parser):
@@ -62,12 +73,14 @@ def pytest_xdist_make_scheduler(config, log):
     class Together(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
-            return next((min(files) for files in TOGETHER if file in files), file)
+            return next((files[0] for files in TOGETHER if file in files), file)
 
     return Together(config, log)
 
 
 def pytest_collection_modifyitems(config, items):
+    order = {file: place for place, file in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.nodeid.split("::")[0], len(order)))
     if config.getoption("--slow"):
         return
     skip = pytest.mark.skip(reason="slow: run with --slow")

@@ -25,9 +25,8 @@ def test_the_ci_takes_its_command_from_there():
     assert shown.stdout.strip() == TEST_COMMAND, shown.stderr
 
 
-def test_the_files_that_share_a_worker_are_there(request):
+def test_the_files_that_are_scheduled_by_name_are_there(request):
     """A file that is renamed is named anew in conftest.py, too."""
     (conftest,) = (p for p in request.config.pluginmanager.get_plugins() if hasattr(p, "TOGETHER"))
-    for files in conftest.TOGETHER:
-        assert len(files) > 1
-        assert all((REPOSITORY / file).is_file() for file in files)
+    for file in {*conftest.LONG, *(file for files in conftest.TOGETHER for file in files)}:
+        assert (REPOSITORY / file).is_file(), file
