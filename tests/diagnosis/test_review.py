@@ -47,14 +47,18 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     """Noise in stick says little of Coulomb friction, and the moves kept aside then miss; unless more is missing, one
     set of parameters predicts all."""
     drive = PLANT.with_effects(*effects)
-    recordings = (
-        open_loop("stick", stick_noise(1.2, seed=1), seed=1, drive=drive),
-        open_loop("moves", pushes(1), seed=2, drive=drive, role="holdout"),
-    )
-    batch = make_batch(recordings, encoder_step=FINE)
+    recordings = [
+        recording
+        for seed in (1, 3)
+        for recording in (
+            open_loop("stick", stick_noise(1.2, seed=seed), seed=seed, drive=drive),
+            open_loop("moves", pushes(seed), seed=seed + 1, drive=drive, role="holdout"),
+        )
+    ]
+    batch = make_batch(tuple(recordings), encoder_step=FINE)
     friction = dataclasses.replace(PLANT.friction, Fc=1.05 * PLANT.friction.Fc, Fs=1.05 * PLANT.friction.Fs)
     wrong = Drive(PLANT.J, friction, PLANT.motor_constant)
-    joint, vector = make_joint(wrong, batch, np.array([False, True]))
+    joint, vector = make_joint(wrong, batch, np.array([False, True, False, True]))
     model = converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
     floor = np.ones_like(model.judgement.power)
     assert not model.judgement.within(floor, ADEQUATE_MISFIT)[1]
