@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from benchmarks.timing import row
+from benchmarks.timing import all_compiled_anew, row
 from frictionjax import (
     Drive,
     LuGre,
@@ -169,15 +169,12 @@ def measure(*, small: bool = False) -> list[dict[str, Any]]:
 
     Forgets what was compiled before. `small`: the first four verbs only.
     """
-    kept = jax.config.jax_enable_compilation_cache
-    jax.config.update("jax_enable_compilation_cache", False)
-    jax.clear_caches()
     rows = []
-    for verb, prepare in list(VERBS.items())[: 4 if small else None]:
-        first, second = prepare(0), prepare(1)
-        clock = CompileClock()
-        rows.append(row(f"{verb}: first call", _timed(first), "s"))
-        rows.append(row(f"{verb}: of that compilation", clock.seconds, "s"))
-        rows.append(row(f"{verb}: other numbers", 1e3 * _timed(second), "ms"))
-    jax.config.update("jax_enable_compilation_cache", kept)
+    with all_compiled_anew():
+        for verb, prepare in list(VERBS.items())[: 4 if small else None]:
+            first, second = prepare(0), prepare(1)
+            clock = CompileClock()
+            rows.append(row(f"{verb}: first call", _timed(first), "s"))
+            rows.append(row(f"{verb}: of that compilation", clock.seconds, "s"))
+            rows.append(row(f"{verb}: other numbers", 1e3 * _timed(second), "ms"))
     return rows

@@ -7,9 +7,7 @@ holds that another case of the same shapes compiles nothing.
 import tempfile
 from pathlib import Path
 
-import jax
-
-from benchmarks.timing import first_call, row
+from benchmarks.timing import all_compiled_anew, first_call, row
 from frictionjax import diagnose, load_case
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.demo import write_demo_case
@@ -17,16 +15,12 @@ from frictionjax.demo import write_demo_case
 
 def measure(*, small: bool = False) -> list[dict]:
     """The rows; there is no smaller size than this case."""
-    kept = jax.config.jax_enable_compilation_cache
-    jax.config.update("jax_enable_compilation_cache", False)
-    jax.clear_caches()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, all_compiled_anew():
         case = load_case(write_demo_case(Path(folder) / "case"))
         clock = CompileClock()
         first = first_call(lambda: diagnose(case).verdict)
         compiled = clock.seconds
         second = first_call(lambda: diagnose(case).verdict)
-    jax.config.update("jax_enable_compilation_cache", kept)
     return [
         row("diagnose, embedded case: first call", first, "s"),
         row("diagnose, embedded case: of that compilation (both threads)", compiled, "s"),

@@ -1,14 +1,16 @@
 """How every benchmark measures: medians of interleaved repeats, compilation apart, and which machine it was."""
 
+import contextlib
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
@@ -18,6 +20,20 @@ def first_call(run: Callable[[], Any]) -> float:
     start = time.perf_counter()
     jax.block_until_ready(run())
     return time.perf_counter() - start
+
+
+@contextlib.contextmanager
+def all_compiled_anew() -> Iterator[None]:
+    """Within it, nothing that was compiled before is found: neither in this process nor on disk."""
+    kept = jax.config.jax_enable_compilation_cache
+    jax.config.update("jax_enable_compilation_cache", False)
+    jax.clear_caches()
+    reset_cache()  # JAX asks once in a process whether programs are kept on disk
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_compilation_cache", kept)
+        reset_cache()
 
 
 def medians(runs: dict[str, Callable[[], Any]], *, repeats: int = 7) -> dict[str, float]:

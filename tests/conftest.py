@@ -6,29 +6,81 @@ from pathlib import Path
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
-# Programs compiled in earlier runs are kept in the checkout, never in the user's cache: most of the tests' time is
-# compilation. What counts traces counts them all the same, since a program that is found is traced and asked for, too.
-os.environ.setdefault(
-    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
-)
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
+# Even the smallest program is kept: to write it takes no time beside its compilation, and to read it a third of that.
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
-import jax
 import pytest
 
-import frictionjax
+TYPED = ("core", "excitation")
+"""Packages whose annotations, shapes included, are checked at every call with `--types`."""
 
-# As the program runs: XLA reads its flags when JAX first computes.
-frictionjax.configure_jax()
-jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.config.update("jax_numpy_dtype_promotion", "strict")
+TOGETHER = [
+    ("tests/diagnosis/test_review.py", "tests/diagnosis/test_exchange.py", "tests/diagnosis/test_moved.py")
+]
+"""Files whose tests start from the same fits: one worker runs them all, and fits once."""
+
+LONG = (
+    "tests/house/test_traces.py",
+    *TOGETHER[0],
+    "tests/diagnosis/test_pipeline.py",
+    "tests/test_notebooks.py",
+    "tests/estimation/test_robust_fit.py",
+    "tests/estimation/test_fit.py",
+    "tests/frequency/test_bla.py",
+)
+"""Files that take longest, begun first: at the end no worker waits long for another."""
 
 
 def pytest_addoption(parser):
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+    parser.addoption(
+        "--types", action="store_true", help="check types and shapes at every call of the package"
+    )
+
+
+def pytest_configure(config):
+    if config.getoption("--types"):
+        # Before the package is imported: what it imports from now on is checked.
+        from jaxtyping import install_import_hook
+
+        install_import_hook([f"frictionjax.{package}" for package in TYPED], "beartype.beartype")
+    _set_up()
+
+
+def _set_up():
+    """JAX as the program has it, but strict, and with its compiled programs in the checkout."""
+    import jax
+
+    import frictionjax
+
+    # XLA reads its flags when JAX first computes.
+    frictionjax.configure_jax()
+    # Compiled programs are kept in the checkout, never in the user's cache, for the other files, the other workers and
+    # the next run: most of the tests' time is compilation. Programs that the tests start keep theirs there, too. What
+    # counts traces counts them all the same: a program that is found there is traced and asked for like any other.
+    frictionjax.core.keep_compiled(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = jax.config.jax_compilation_cache_dir or ""
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+    jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+def pytest_xdist_make_scheduler(config, log):
+    """A file to a worker, as modules share what is costly; files that belong together go to one."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Together(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return next((files[0] for files in TOGETHER if file in files), file)
+
+    return Together(config, log)
 
 
 def pytest_collection_modifyitems(config, items):
+    order = {file: place for place, file in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.nodeid.split("::")[0], len(order)))
     if config.getoption("--slow"):
         return
     skip = pytest.mark.skip(reason="slow: run with --slow")
@@ -40,6 +92,8 @@ def pytest_collection_modifyitems(config, items):
 @pytest.fixture
 def getkey():
     """Returns fresh random keys from one fixed seed."""
+    import jax
+
     key = jax.random.key(20020301)
 
     def next_key():

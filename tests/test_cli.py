@@ -57,7 +57,7 @@ def api(monkeypatch):
 def run(*arguments: str) -> subprocess.CompletedProcess:
     """The program as a process of its own."""
     command = [sys.executable, "-m", "frictionjax", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
 def only_line(text: str) -> str:
@@ -77,7 +77,7 @@ except SystemExit as stop:
     assert not stop.code
 assert not {{"jax", "numpy", "matplotlib"}} & set(sys.modules)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "frictionjax" in done.stdout
 

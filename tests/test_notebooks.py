@@ -38,7 +38,7 @@ def test_a_notebook_runs_in_its_small_setting(path, monkeypatch):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    NotebookClient(notebook, timeout=1200, kernel_name="python3").execute()
     printed = "".join(
         output.get("text", "")
         for cell in notebook.cells

@@ -8,9 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from frictionjax import simulate_batch
 
@@ -18,6 +20,12 @@ REPOSITORY = Path(__file__).parents[2]
 BENCHMARKS = REPOSITORY / "benchmarks"
 
 pytestmark = pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="an installed package has no benchmarks")
+
+
+_KEEPING = {
+    "jax_compilation_cache_dir": str,
+    "jax_persistent_cache_min_compile_time_secs": lambda folder: 0.0,
+}
 
 
 @pytest.fixture
@@ -70,6 +78,33 @@ def test_a_benchmark_runs_and_its_numbers_are_finite(name, tmp_path):
         assert value.strip() == "-" or math.isfinite(float(value))
     assert rows or "nothing was measured" in done.stdout
     assert before == {path: path.stat().st_mtime_ns for path in BENCHMARKS.rglob("*.json")}
+
+
+def test_what_is_timed_is_compiled_and_afterwards_programs_are_found_again(importable, tmp_path):
+    from benchmarks.timing import all_compiled_anew
+
+    def kept():
+        return sorted(path.name for path in tmp_path.glob("*tripled*-cache"))
+
+    @jax.jit
+    def tripled(x):
+        return 3.0 * x
+
+    before = {name: getattr(jax.config, name) for name in _KEEPING}
+    for name, value in _KEEPING.items():
+        jax.config.update(name, value(tmp_path))
+    reset_cache()
+    try:
+        with all_compiled_anew():
+            tripled(1.0)
+            assert not kept()
+        jax.clear_caches()
+        tripled(1.0)
+        assert len(kept()) == 1
+    finally:
+        for name, value in before.items():
+            jax.config.update(name, value)
+        reset_cache()
 
 
 def test_a_name_that_is_none_is_refused():

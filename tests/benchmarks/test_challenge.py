@@ -172,7 +172,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
 
 def test_an_executor_solves_several_at_once(tmp_path):
     batch, said = plain_batch(tmp_path / "batch"), []
-    together = Barrier(3, timeout=20.0)
+    together = Barrier(3, timeout=600.0)
 
     def diagnose(file):
         together.wait()

@@ -16,7 +16,7 @@ def _run(code, **variables):
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         env=environment | variables,
         check=False,
     )

@@ -27,11 +27,11 @@ RECORDINGS = {
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """Folder of the written case, and how long writing it took, s."""
+    """Folder of the written case, and how long processors worked for it, s."""
     folder = tmp_path_factory.mktemp("demo") / "not" / "there" / "yet"
-    start = time.perf_counter()
+    start = time.process_time()
     path = write_demo_case(folder)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     assert path == folder / "case.toml"
     return folder, seconds
 

@@ -1,7 +1,7 @@
 """Exchange: what was named first makes way for its twin when that does better beside what was named later."""
 
 import pytest
-from helpers_selection import LAG, LOAD, SILENT, a_round, with_effect, world
+from helpers_selection import SILENT, a_round, with_effect, world
 
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.refitting.refitted import Refitted
@@ -13,7 +13,7 @@ from frictionjax.physics import catalogue
 @pytest.fixture(scope="module")
 def two():
     """A plant with a load and a lag of the drive, the base model, and its sizes."""
-    return world(LOAD, LAG)
+    return world("load", "lag")
 
 
 def _again(known, asked, scales):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from helpers_estimation import PLANT
-from helpers_selection import LAG, LOAD, a_round, with_effect, world
+from helpers_selection import LOAD, a_round, with_effect, world
 
 from frictionjax.diagnosis.base_model.fit_base import parameters_of
 from frictionjax.diagnosis.selection.decide import dropping
@@ -18,7 +18,7 @@ TRUTH |= {"J": float(PLANT.J), "load": float(LOAD.load)}
 @pytest.fixture(scope="module")
 def rounds():
     """The load is named, the lag refused beside it; and the lag accepted, after which only noise is left."""
-    base, scales = world(LOAD, LAG)
+    base, scales = world("load", "lag")
     first = a_round(base, with_effect(base, "load", scales), "load")
     begun = first.accepted.model
     second = a_round(begun, with_effect(begun, "lag", scales), "lag")

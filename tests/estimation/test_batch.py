@@ -1,4 +1,7 @@
-"""Recordings side by side: noise levels, padding, masks, starting states, blocks."""
+"""Recordings side by side: noise levels, padding, masks, starting states, blocks.
+
+What is simulated has 3000 or 6000 samples: one and the other are compiled once.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -127,19 +130,19 @@ def test_block_means_are_over_scored_samples(batch):
 
 def test_padding_changes_no_innovation():
     """A short recording has the same misfit beside a longer one as alone."""
-    short = open_loop("short", stick_noise(0.8), seed=1)
-    long = open_loop("long", stick_noise(1.2, seed=1), seed=2)
+    short = open_loop("short", stick_noise(1.5), seed=1)
+    long = open_loop("long", stick_noise(3.0, seed=1), seed=2)
     together, alone = make_batch((short, long), encoder_step=FINE), make_batch((short,), encoder_step=FINE)
     powers = []
     for batch in (together, alone):
         joint, vector = make_joint(PLANT, batch, np.zeros(len(batch.lengths), bool))
-        powers.append(joint.powers([vector])[0][0, :16])
+        powers.append(joint.powers([vector])[0][0, :30])
     np.testing.assert_allclose(powers[0], powers[1], rtol=1e-9)
 
 
 def test_a_machine_that_never_moves_gives_no_nan():
     """Every sample the same, and the encoder's step unknown: a level of zero would divide by zero."""
-    still = _recording(np.zeros(2000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:2000]))
+    still = _recording(np.zeros(3000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:3000]))
     joint, vector = make_joint(PLANT, make_batch((still,)), np.zeros(1, bool))
     assert np.isfinite(joint.misfits([vector])[0])
 

@@ -94,13 +94,13 @@ def test_a_linear_machine_leaves_only_noise_at_the_detection_lines():
 
 def test_noise_of_a_measured_input_is_told_too():
     """The input is measured with noise that moves the machine as well: no error; what is not shared counts."""
-    periods, sigma = 6, 0.05
+    m, periods, sigma = 60, 6, 0.05
     rng = np.random.default_rng(9)
-    u = _inputs(40, periods)
-    u = u + sigma * np.tile(rng.standard_normal((40, N)), (1, periods))
-    bla = _bla(u, _plant(u), transient=2)
+    u = _inputs(m, periods)
+    u = u + sigma * np.tile(rng.standard_normal((m, N)), (1, periods))
+    bla = _bla(u, _plant(u))
     # It repeats itself, so it is input, on silent lines too; taken off, nothing is left but curvature between lines.
-    raw = _bla(u, _plant(u), transient=2, correct_input=False)
+    raw = _bla(u, _plant(u), correct_input=False)
     assert np.mean(bla.even.level**2) < 0.02 * np.mean(raw.even.level**2)
     np.testing.assert_allclose(bla.response, _truth(bla), rtol=1e-7)
 
@@ -178,7 +178,7 @@ def test_the_second_order_system_is_fitted_to_it():
 
 
 def test_it_runs_in_jit_and_without_silent_lines():
-    u = _inputs(2, 3)
+    u = _inputs(8, 3)
     x = _plant(u)
     plain = _bla(u, x)
     traced = jax.jit(lambda u, x: _bla(u, x).response)(jnp.asarray(u), jnp.asarray(x))

@@ -23,3 +23,10 @@ def test_the_ci_takes_its_command_from_there():
         ["bash", script, "--show"], capture_output=True, text=True, stdin=subprocess.DEVNULL
     )
     assert shown.stdout.strip() == TEST_COMMAND, shown.stderr
+
+
+def test_the_files_that_are_scheduled_by_name_are_there(request):
+    """A file that is renamed is named anew in conftest.py, too."""
+    (conftest,) = (p for p in request.config.pluginmanager.get_plugins() if hasattr(p, "TOGETHER"))
+    for file in {*conftest.LONG, *(file for files in conftest.TOGETHER for file in files)}:
+        assert (REPOSITORY / file).is_file(), file

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
+from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
@@ -305,10 +306,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         "a handful of small least squares, in numpy",
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
     ),
-    "keep_last_third_aside": (
-        "cuts a recording",
-        lambda folder: _kept_aside(),
-    ),
+    "keep_last_third_aside": ("cuts a recording", lambda folder: _kept_aside()),
     "identifiability": (
         "small matrices, in numpy",
         lambda folder: api.identifiability(_information()),
@@ -316,6 +314,10 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "load_case": ("reads files", lambda folder: toml(folder)()),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
+    "save_diagnosis": (
+        "writes files",
+        lambda folder: api.save_diagnosis(fake_diagnosis(n=500), folder, report=False),
+    ),
     "save_fit": ("writes a file", lambda folder: _saved(folder)),
     "resonances": (
         "small least squares next to one peak, in numpy",

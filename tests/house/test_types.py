@@ -1,7 +1,7 @@
 """Every argument and every return of the functions in these rooms bears a type.
 
-That the types are true is checked where they are used: `pytest --jaxtyping-packages=frictionjax,beartype.beartype` runs
-the tests with every annotation verified at each call.
+That the types are true is checked where they are used: `pytest --types` runs the tests with the annotations of the
+packages in conftest.py verified at each call.
 """
 
 import ast

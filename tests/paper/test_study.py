@@ -312,6 +312,6 @@ except SystemExit as stop:
     assert not stop.code
 assert not {"jax", "numpy", "matplotlib"} & set(sys.modules)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "--real DIR" in done.stdout

@@ -1,5 +1,9 @@
-"""A plant with a load and a lag of its drive: base model, models with effects beside it, rounds of the selection."""
+"""A plant with a load and a lag of its drive: base model, models with effects beside it, rounds of the selection.
 
+What one test has fitted is there for the others of its process: nobody changes a model.
+"""
+
+import functools
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +22,7 @@ from frictionjax.estimation.scales import plant_scales
 
 HELD_OUT = np.array([False, False, True, True])
 LOAD, LAG = effect("ConstantLoad", load=0.007), effect("DriveLag", time_constant=3e-5)
+PLANTED = {"load": LOAD, "lag": LAG}
 SILENT = {
     "load": LOAD.silenced(),
     "lag": LAG.silenced(),
@@ -27,9 +32,10 @@ SILENT = {
 }
 
 
-def world(*effects):
-    """The base model and the plant's sizes, from noise in stick and moves of a plant with `effects`."""
-    drive = PLANT.with_effects(*effects)
+@functools.cache
+def world(*names):
+    """The base model and the plant's sizes, from noise in stick and moves of a plant with the effects `names`."""
+    drive = PLANT.with_effects(*(PLANTED[name] for name in names))
     recordings = []
     for seed in (1, 3):
         role = "fit" if seed == 1 else "holdout"
@@ -51,8 +57,16 @@ def converged(joint, vector):
     return Model(joint, fitted, judge(joint, fitted))
 
 
+_FITTED = {}
+
+
 def with_effect(model, name, scales):
-    return converged(*extend(model.joint, model.fitted.vector, SILENT[name], scales))
+    """The `model` and one effect more, fitted."""
+    key = id(model), name
+    if key not in _FITTED:
+        fitted = converged(*extend(model.joint, model.fitted.vector, SILENT[name], scales))
+        _FITTED[key] = model, fitted  # while the model is kept no other one has its identity
+    return _FITTED[key][1]
 
 
 def a_round(before, after, name, p_value=1e-9):
