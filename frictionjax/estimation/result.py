@@ -13,7 +13,7 @@ from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.evidence import Forces, Positions
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
-from frictionjax.estimation.uncertainty import covariance_of, estimate_of, inverse_of
+from frictionjax.estimation.uncertainty import covariance_of, estimate_of, inverse_of, raised
 from frictionjax.physics import Drive
 
 
@@ -105,10 +105,7 @@ def make_result(
     silent = np.zeros(count, bool)
     if finite:
         white = slope @ inverse_of(hessian) @ slope.T
-        honest = slope @ covariance_of(posterior, evaluations, near) @ slope.T
-        # Physical values are no coordinates of the fit: there, too, no variance is below that of white errors.
-        more = np.sqrt(np.maximum(np.diag(honest) / np.maximum(np.diag(white), 1e-300), 1.0))
-        honest = white * np.outer(more, more)
+        honest = raised(white, slope @ covariance_of(posterior, evaluations, near) @ slope.T)
         # What rests on the weak prior is not known from the data, however little the errors scatter.
         # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
         wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)

@@ -109,6 +109,13 @@ def clustered_covariance(
     return covariance + np.diag(np.maximum(most - np.diag(covariance), 0.0))
 
 
+def raised(white: Float[np.ndarray, "p p"], clustered: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """The `white` covariance of physical values, with standard deviations raised where the `clustered` one has larger
+    ones: the values are no coordinates of the fit, in which it is never below the white one."""
+    more = np.sqrt(np.maximum(np.diag(clustered) / np.maximum(np.diag(white), 1e-300), 1.0))
+    return white * np.outer(more, more)
+
+
 def covariance_of(
     posterior: Posterior, evaluations: tuple[Evaluation, ...], near: Quadratic
 ) -> Float[np.ndarray, "q q"]:
