@@ -9,7 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Table
 from frictionjax.recordings import Plant
 
 Verdict = Literal["adequate", "named", "unknown"]
@@ -92,7 +95,8 @@ class Within(eqx.Module):
     **Attributes:** `axis`, `bin` (a bin of it, or all bins beyond one edge, with units), `phrase` (the same as words
     after "only"), `given` (the strongest bins, and the parts of other axes told before), `share` (of their excess that
     lies in this part), `samples` (part of their samples that does), `excess` (power over its null level there),
-    `excess_elsewhere` (in the rest of them), `p_value` (of the two being alike, over all parts that were compared).
+    `excess_elsewhere` (in the rest of them), `p_value` (of the two being alike, over all parts that were compared),
+    `only` (whether next to nothing of the excess lies elsewhere).
     """
 
     axis: str = eqx.field(static=True)
@@ -104,11 +108,7 @@ class Within(eqx.Module):
     excess: float = eqx.field(static=True)
     excess_elsewhere: float = eqx.field(static=True)
     p_value: float = eqx.field(static=True)
-
-    @property
-    def only(self) -> bool:
-        """Whether next to nothing of the excess lies elsewhere: a tenth of it at most, in total and per sample."""
-        return self.share >= 0.9 and self.excess_elsewhere - 1.0 <= 0.1 * (self.excess - 1.0)
+    only: bool = eqx.field(static=True, default=False)
 
 
 class Candidate(eqx.Module):
@@ -169,7 +169,8 @@ class Diagnosis(eqx.Module):
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
-    `within` (which parts of other axes hold the excess of the strongest bins).
+    `within` (which parts of other axes hold the excess of the strongest bins), `comparisons` (every comparison of two
+    models that the search made, a `Table` a step), and the `rule` and the `effort` with which it was made.
     """
 
     case: str = eqx.field(static=True)
@@ -186,6 +187,9 @@ class Diagnosis(eqx.Module):
     warnings: tuple[str, ...] = eqx.field(static=True)
     seconds: dict[str, float] = eqx.field(static=True)
     within: tuple[Within, ...] = ()
+    comparisons: tuple[Table, ...] = eqx.field(static=True, default=())
+    rule: Rule = eqx.field(static=True, default=Rule())
+    effort: Effort = eqx.field(static=True, default=Effort())
 
     def held_out_rmse(self, kind: Literal["prediction", "free_run"] = "prediction") -> tuple[float, float]:
         """Root mean square error on the recordings kept aside, each counted alike: of the base model and of the

@@ -28,7 +28,7 @@ ROOMS = {
         *("objective", "descent", "uncertainty", "result", "fit", "fit_many", "profile"),
     ],
     "diagnosis": [
-        *("explain", "quantities", "verdict", "evidence", "intake", "base_model"),
+        *("rule", "effort", "table", "explain", "quantities", "verdict", "evidence", "intake", "base_model"),
         *("screening", "refitting", "selection", "mismatch_map", "findings", "diagnose"),
     ],
 }

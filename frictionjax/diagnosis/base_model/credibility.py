@@ -13,16 +13,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.data.no_model import innovations_without_model
 from frictionjax.estimation.objective.joint import Joint
 from frictionjax.estimation.objective.look import CLUSTER_BLOCKS
-
-_HALF = 0.5  # of the energy
-_SURE = 3.0  # standard errors
-_SEEN = 2.0  # power of a block, in units of the noise, from which on its energy counts
-_FEW = 4  # clusters: with fewer there is no standard error
 
 
 class Credibility(NamedTuple):
@@ -39,24 +35,26 @@ class Credibility(NamedTuple):
     lead: float
     failed: tuple[int, ...]
 
-    @property
-    def credible(self) -> bool:
-        """Whether the model explains half of the energy, or more of most of the time than chance would."""
-        return self.energy > _HALF or self.lead > _SURE
+    def is_credible(self, *, rule: Rule = Rule()) -> bool:
+        """Whether, by the `rule`, the model explains half of the energy, or more of most of the time than chance
+        would."""
+        return self.energy > rule.credible.energy or self.lead > rule.credible.lead
 
 
-def credibility(model: Model) -> Credibility:
-    """Hold the fitted `model` against no model."""
+def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
+    """Compare the fitted `model` with no model, by the numbers of the `rule`."""
     joint = model.joint
     none = np.asarray(joint.batch.block_mean(_without_model(joint) ** 2))
-    told, count = model.judgement.power, np.asarray(joint.batch.block_count)
+    power, count = model.judgement.power, np.asarray(joint.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)
     failed = tuple(
         int(row)
         for row in rows
-        if not _better(*_compared(none[row : row + 1], told[row : row + 1], count[row : row + 1]))
+        if not _better(
+            *energy_and_lead(none[row : row + 1], power[row : row + 1], count[row : row + 1], rule)
+        )
     )
-    return Credibility(*_compared(none[rows], told[rows], count[rows]), failed)
+    return Credibility(*energy_and_lead(none[rows], power[rows], count[rows], rule), failed)
 
 
 def _without_model(joint: Joint) -> Float[Array, "r n"]:
@@ -73,17 +71,23 @@ def _better(energy: float, lead: float) -> bool:
     return energy >= 0.0 or lead > 0.0
 
 
-def _compared(none: np.ndarray, told: np.ndarray, count: np.ndarray) -> tuple[float, float]:
-    """Energy and lead of block powers `told` over those of no model, shape `(r, b)`, of so many samples each."""
+def energy_and_lead(
+    none: np.ndarray, fitted: np.ndarray, count: np.ndarray, rule: Rule
+) -> tuple[float, float]:
+    """Energy and lead of the block powers of a `fitted` model over those of no model.
+
+    **Arguments:** powers with no model, `none`, and with the `fitted` one, shape `(r, b)`; the `count` of samples of
+    each block; the `rule`.
+    """
     # Noise lifts half of the blocks a little above its mean, with a model and without: under a coarse encoder these
     # many would outvote the few that show anything.
-    seen = count * (np.maximum(none, told) > _SEEN)
-    before, after = (float(np.sum(seen * np.maximum(power - 1.0, 0.0))) for power in (none, told))
-    gain = 0.5 * count * np.log((none + 1.0) / (told + 1.0))
+    loud = count * (np.maximum(none, fitted) > rule.credible.loud)
+    before, after = (float(np.sum(loud * np.maximum(power - 1.0, 0.0))) for power in (none, fitted))
+    gain = 0.5 * count * np.log((none + 1.0) / (fitted + 1.0))
     short = -gain.shape[1] % CLUSTER_BLOCKS
     clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
     clusters = clusters[clusters != 0.0]
     lead = 0.0
-    if clusters.size >= _FEW:
+    if clusters.size >= rule.credible.least_clusters:
         lead = float(clusters.mean() / max(float(clusters.std()) / np.sqrt(clusters.size), 1e-300))
     return 1.0 - after / before if before > 0.0 else -float(after > 0.0), lead

@@ -11,6 +11,7 @@ from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import Beginning
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, Batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Fitted, descend
@@ -32,11 +33,12 @@ _CHAOTIC = (
 )
 
 
-def base_of(begun: Beginning, executor: Executor, progress: Progress, *, known_inertia: bool) -> Model:
+def base_of(
+    begun: Beginning, executor: Executor, progress: Progress, *, known_inertia: bool, rule: Rule = Rule()
+) -> Model:
     """The base model fitted to the recordings of `begun` that are not held out; `known_inertia` keeps J."""
-    return fit_base(
-        begun.start.drives, begun.batch, begun.held_out, executor, progress, known_inertia=known_inertia
-    )
+    drives, batch, held_out = begun.start.drives, begun.batch, begun.held_out
+    return fit_base(drives, batch, held_out, executor, progress, known_inertia=known_inertia, rule=rule)
 
 
 def fit_base(
@@ -47,6 +49,7 @@ def fit_base(
     progress: Progress,
     *,
     known_inertia: bool = False,
+    rule: Rule = Rule(),
 ) -> Model:
     """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
 
@@ -73,7 +76,7 @@ def fit_base(
             "the motor constant."
         )
     joint, fitted = min(zip(slow, ends, strict=True), key=lambda pair: pair[1].misfit)
-    steps = steps_needed(joint, fitted.vector)
+    steps = steps_needed(joint, fitted.vector, rule=rule)
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)
         joint = with_steps(joint, steps)
@@ -81,7 +84,9 @@ def fit_base(
     return Model(joint, fitted, judge(joint, fitted))
 
 
-def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> dict[str, Estimate]:
+def parameters_of(
+    model: Model, units: dict[str, str], force: float = 0.0, *, rule: Rule = Rule()
+) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model`, without the error of the integration, with standard errors
     that are rather large than small (`cautious_covariance`).
 
@@ -90,18 +95,24 @@ def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> di
     - `model`: the fitted model.
     - `units`: maps force, position, input to unit names.
     - `force`: unmeasured force over Fc: what it makes unpredictable tells nothing.
+    - `rule`: what is unpredictable.
     """
-    return told_parameters(model, units, force)[0]
+    return told_parameters(model, units, force, rule=rule)[0]
 
 
 def told_parameters(
-    model: Model, units: dict[str, str], force: float = 0.0, *, lacking: bool = False
+    model: Model,
+    units: dict[str, str],
+    force: float = 0.0,
+    *,
+    lacking: bool = False,
+    rule: Rule = Rule(),
 ) -> tuple[dict[str, Estimate], str]:
     """The same, and what is to be said of them: that the error of the integration is still in them, or that the stated
     errors are too small; empty when there is nothing. A model that is `lacking` an effect keeps the error of the
     integration: what it lacks bends its parameters by far more."""
     chaotic = is_chaotic(model)
-    joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force)
+    joint, fitted = (model.joint, model.fitted) if chaotic else _foreseen(model, force, rule=rule)
     vector, away, seen = fitted.vector, False, joint.seen(fitted.vector)
     if not lacking:
         vector, away = at_finer_steps(joint, fitted.vector, fitted.look, seen)
@@ -121,13 +132,13 @@ def told_parameters(
     return estimates(joint.layout, vector, joint.setting, covariance, units), message
 
 
-def _foreseen(model: Model, force: float) -> tuple[Joint, Fitted]:
+def _foreseen(model: Model, force: float, *, rule: Rule) -> tuple[Joint, Fitted]:
     """`model` fitted once more without the blocks that a `force` makes unpredictable; as it is where there are none, or
     where one of its parameters is hardly seen in the others."""
     joint, fitted = model.joint, model.fitted
     if force == 0.0 or not isinstance(joint.batch, Batch):
         return joint, fitted
-    calm, less = predictable(joint, fitted.vector, force)
+    calm, less = predictable(joint, fitted.vector, force, rule=rule)
     if not less:
         return joint, fitted
     again = descend(calm, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)

@@ -4,16 +4,13 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Lead, shares, whole_misfits, within
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.joint import Joint, losses_of
 from frictionjax.estimation.objective.look import CLUSTER_BLOCKS
 from frictionjax.physics import Drive
-
-ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample, above the floor, below which nothing significant is missing: errors of 4 % more power than
-the floor, since a misfit of m is a power of 2 exp(2 m) - 1 times the floor."""
-_SURE = 3.0  # standard errors
 
 
 class Scene(eqx.Module):
@@ -66,19 +63,19 @@ class Judgement(eqx.Module):
         fit, held = (0.25 * float(np.sqrt(2.0 * (1.0 + 2.626) / max(n, 1.0))) for n in samples)
         return fit, held
 
-    def within(self, floor: np.ndarray, most: float) -> tuple[bool, bool]:
+    def within(self, floor: np.ndarray, most: float, *, rule: Rule = Rule()) -> tuple[bool, bool]:
         """Whether the misfits are below `most` and what chance adds in recordings of this length: fit, held-out."""
-        fit, held = (
-            misfit < most + _SURE * error
-            for misfit, error in zip(self.misfits(floor), self.misfit_errors(), strict=True)
-        )
-        return fit, held
+        return within(self.misfits(floor), self.misfit_errors(), most, rule)
 
     def clusters(self, floor: np.ndarray) -> Float[np.ndarray, "r c"]:
         """Loss against the `floor` of each cluster of 0.5 s."""
-        loss = losses_of(self.power, self.batch, floor)
-        short = -loss.shape[1] % CLUSTER_BLOCKS
-        return np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
+        return by_cluster(losses_of(self.power, self.batch, floor))
+
+
+def by_cluster(blocks: np.ndarray) -> Float[np.ndarray, "r c"]:
+    """Sum over the `blocks` of each cluster of 0.5 s."""
+    short = -blocks.shape[1] % CLUSTER_BLOCKS
+    return np.pad(blocks, ((0, 0), (0, short))).reshape(blocks.shape[0], -1, CLUSTER_BLOCKS).sum(-1)
 
 
 def judge(joint: Joint, fitted: Fitted) -> Judgement:
@@ -88,33 +85,28 @@ def judge(joint: Joint, fitted: Fitted) -> Judgement:
     return Judgement(joint.drive(fitted.vector), fitted.vector, power, held_out, joint.batch)
 
 
-def explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:
-    """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones.
-
-    Where one set shows what the other hardly does, what the other leaves is counted against what would be adequate: a
-    share of a misfit at the floor is chance.
-    """
-    wholes, news = _wholes(before.misfits(floor)), after.misfits(floor)
-    shares = [1.0 - new / whole if whole > 0.0 else 0.0 for whole, new in zip(wholes, news, strict=True)]
-    return shares[0], shares[1]
+def explained(
+    before: Judgement, after: Judgement, floor: np.ndarray, *, rule: Rule = Rule()
+) -> tuple[float, float]:
+    """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones."""
+    return shares(before.misfits(floor), after.misfits(floor), rule)
 
 
-def _wholes(misfits: tuple[float, float]) -> tuple[float, float]:
-    """What a share of the `misfits` is a share of."""
-    least = ADEQUATE_MISFIT if max(misfits) > ADEQUATE_MISFIT else 0.0
-    return max(misfits[0], least), max(misfits[1], least)
-
-
-def left_over(misfits: tuple[float, float], shares: tuple[float, float]) -> tuple[float, float]:
-    """The misfits that are left of `misfits` where these `shares` of them are `explained`: fit, held-out."""
-    fit, held = (whole * (1.0 - share) for whole, share in zip(_wholes(misfits), shares, strict=True))
+def left_over(
+    misfits: tuple[float, float], explained: tuple[float, float], *, rule: Rule = Rule()
+) -> tuple[float, float]:
+    """The misfits that are left of `misfits` where these shares of them are `explained`: fit, held-out."""
+    wholes = whole_misfits(misfits, rule)
+    fit, held = (whole * (1.0 - share) for whole, share in zip(wholes, explained, strict=True))
     return fit, held
 
 
-def energy_explained(before: Judgement, after: Judgement, floor: np.ndarray) -> tuple[float, float]:
+def energy_explained(
+    before: Judgement, after: Judgement, floor: np.ndarray, *, rule: Rule = Rule()
+) -> tuple[float, float]:
     """Share of the power above the `floor` that `after` removes, on fit and on held-out recordings.
 
-    Blocks above the 95 % quantile of `before` count as that quantile: a few impacts must not decide. Where
+    Blocks above a high quantile of `before` count as that quantile: a few impacts must not decide. Where
     nothing is near the noise the logarithm of the likelihood is blind to this share.
     """
     shares = []
@@ -122,17 +114,24 @@ def energy_explained(before: Judgement, after: Judgement, floor: np.ndarray) -> 
         scored = np.asarray(before.batch.block_count)[rows] > 0
         old, new = before.power[rows][scored], after.power[rows][scored]
         ground = np.broadcast_to(floor, before.power.shape)[rows][scored]
-        cap = np.quantile(old, 0.95) if old.size else 1.0
+        cap = np.quantile(old, rule.floor.energy_quantile) if old.size else 1.0
         excess = np.mean(np.maximum(np.minimum(old, cap) - ground, 0.0)) if old.size else 0.0
         left = np.mean(np.maximum(np.minimum(new, cap) - ground, 0.0)) if old.size else 0.0
         shares.append(float(1.0 - left / excess) if excess > 0 else 0.0)
     return shares[0], shares[1]
 
 
-def advantage(better: Judgement, other: Judgement, rows: np.ndarray, floor: np.ndarray) -> float:
+def advantage(
+    better: Judgement, other: Judgement, rows: np.ndarray, floor: np.ndarray, *, rule: Rule = Rule()
+) -> float:
     """How many standard errors `better` leads `other` by, over the paired clusters of the recordings `rows`."""
-    lead = (other.clusters(floor) - better.clusters(floor))[rows].ravel()
-    lead = lead[lead != 0.0]
-    if lead.size < 4:
-        return 0.0
-    return float(lead.sum() / (np.sqrt(lead.size) * max(float(lead.std()), 1e-300)))
+    return paired_lead((other.clusters(floor) - better.clusters(floor))[rows]).in_errors(rule)
+
+
+def paired_lead(gains: np.ndarray) -> Lead:
+    """The lead that these `gains` of paired clusters make, any shape; clusters that do not differ do not count."""
+    own = gains[gains != 0.0]
+    if own.size == 0:
+        return Lead(0.0, 0.0, 0)
+    error = float(np.sqrt(own.size)) * max(float(own.std()), 1e-300)
+    return Lead(float(own.sum()), error, int(own.size))

@@ -9,9 +9,10 @@ innovations is that of the blocks that are seen.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.signal import lfilter
 
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.objective.joint import Joint
@@ -20,17 +21,8 @@ from frictionjax.simulation import innovation_gain
 _DRAWS = 4
 _SMALL = 1e-4  # of Coulomb friction: small enough for a linear answer, far above rounding
 _SMOOTH = 5  # blocks over which the answer is averaged
-_QUANTILE = 0.4  # of the blocks' own estimates: an effect raises blocks, so the middle is too high
-_SEEN = 0.1  # of the largest answer: blocks that answer less say nothing of the force
 _HALVINGS = 30
-# Noise is told from motion by its fourth differences, which see the highest frequencies alone. At 2 kHz, noise of which
-# nine tenths lie below 200 Hz has twice the power in the innovations that white noise of those differences has.
-_COLOUR = 2.0
 _BEYOND = 1e100  # in noise levels: further apart than any two runs
-_ASTRAY = 1.0  # power, over that of the noise, by which two runs part in a block that tells nothing
-# Of Coulomb friction, at each sample: more than this is no disturbance but physics, and must not raise the floor that
-# physics is measured from. (Where an effect acts in all of sliding, the blocks ask for more.)
-_LARGEST = 0.005
 
 
 class Answer(eqx.Module):
@@ -52,7 +44,7 @@ class Answer(eqx.Module):
         return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
 
 
-def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
+def answer_to_force(joint: Joint, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Answer:
     """How the innovations of `joint` at `vector` answer to a small white force, held over each sample, and to noise.
 
     Where the motion is imposed the force is what is measured, and answers with all of itself everywhere.
@@ -75,9 +67,24 @@ def answer_to_force(joint: Joint, vector: Float[Array, " q"]) -> Answer:
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     kernel = np.ones(_SMOOTH) / _SMOOTH
     # A mean over neighbours is thrown by the one block in which a break-away came sooner.
-    mean = force.mean(axis=0)
-    capped = np.minimum(mean, 20.0 * np.median(mean[mean > 0])) if np.any(mean > 0) else mean
-    return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in capped]), noise, force, product)
+    mean = capped(force.mean(axis=0), rule)
+    return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in mean]), noise, force, product)
+
+
+def capped(mean: Float[np.ndarray, "r b"], rule: Rule) -> Float[np.ndarray, "r b"]:
+    """The `mean` answer of each block, where it is not far above that of the others, by the `rule`."""
+    return np.minimum(mean, rule.floor.cap * np.median(mean[mean > 0])) if np.any(mean > 0) else mean
+
+
+def gap_force(force: float, rule: Rule) -> float:
+    """The unmeasured force (over Fc) by which a machine with a gap is tested for chaos: `force`, or more by the
+    `rule`."""
+    return max(force, rule.floor.gap_force)
+
+
+def is_predictable(parted: Float[np.ndarray, "r b"], rule: Rule) -> Bool[np.ndarray, "r b"]:
+    """Whether two runs that have `parted` by this power in a block are near enough for it to count, by the `rule`."""
+    return parted < rule.floor.unpredictable
 
 
 def scatter(
@@ -99,7 +106,7 @@ def scatter(
 
 
 def predictable(
-    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    joint: Joint, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS, rule: Rule = Rule()
 ) -> tuple[Joint, bool]:
     """`joint` without the blocks in which an unmeasured force of the `size` (over Fc) makes more of the innovations of
     the model `vector` than the measurement noise does, and whether there are any.
@@ -109,8 +116,9 @@ def predictable(
     """
     parted = scatter(joint, vector, size, draws=draws)
     scored = np.asarray(joint.batch.block_count) > 0
-    kept = jnp.repeat(jnp.asarray(np.where(parted < _ASTRAY, 1.0, 0.0)), joint.batch.block, axis=1)
-    some = bool(np.any(scored & ~(parted < _ASTRAY)))
+    near = is_predictable(parted, rule)
+    kept = jnp.repeat(jnp.asarray(np.where(near, 1.0, 0.0)), joint.batch.block, axis=1)
+    some = bool(np.any(scored & ~near))
     return eqx.tree_at(lambda j: j.setting.weight, joint, joint.setting.weight * kept), some
 
 
@@ -162,6 +170,8 @@ def force_noise(
     answer: Answer,
     joint: Joint,
     quiet: Float[np.ndarray, "r 1"] | float = 1.0,
+    *,
+    rule: Rule = Rule(),
 ) -> float:
     """Standard deviation of the unmeasured force over Coulomb friction that the block `power` of shape `(r, b)` asks
     for, from the fitted recordings; `quiet` is the power of the measurement noise in each.
@@ -171,14 +181,16 @@ def force_noise(
     """
     scored = (np.asarray(joint.batch.block_count) > 0) & (np.asarray(joint.fitted)[:, None] > 0)
     gain = np.where(scored, answer.gain, 0.0)
-    seen = gain > _SEEN * gain.max()
+    seen = gain > rule.floor.answering * gain.max()
     if not np.any(seen):
         return 0.0
 
     def asked(power: np.ndarray) -> float:
-        return float(np.quantile(((power - quiet) / np.where(seen, gain, 1.0))[..., seen], _QUANTILE))
+        return float(
+            np.quantile(((power - quiet) / np.where(seen, gain, 1.0))[..., seen], rule.floor.quantile)
+        )
 
-    wanted, low, high = asked(power), 0.0, _LARGEST
+    wanted, low, high = asked(power), 0.0, rule.floor.largest_force
     if wanted <= asked(answer.powers(low, quiet)):
         return 0.0
     for _ in range(_HALVINGS):
@@ -196,12 +208,12 @@ def floor_of(
 
 
 def colour(
-    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Joint
+    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], joint: Joint, *, rule: Rule = Rule()
 ) -> Float[np.ndarray, "r 1"]:
     """Factor on the `floor` of each recording by which the colour of its noise may raise it, shape `(r, 1)`: where a
-    model leaves a block `power` that is higher in the middle one of all blocks, between 1 and 2."""
+    model leaves a block `power` that is higher in the middle one of all blocks, at least 1."""
     factor = np.ones((power.shape[0], 1))
     for row, scored in enumerate(np.asarray(joint.batch.block_count) > 0):
         if np.any(scored):
-            factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, _COLOUR)
+            factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, rule.floor.colour)
     return factor

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.diagnosis.evidence.judgement import ADEQUATE_MISFIT
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence.residuals import block_power, standardised
 from frictionjax.estimation.objective.joint import Joint, losses_of
@@ -40,7 +40,7 @@ def _differences(layout, vector, setting) -> Float[Array, "k r b"]:
     return jnp.stack(powers)
 
 
-def steps_needed(joint: Joint, vector: Float[Array, " q"]) -> int:
+def steps_needed(joint: Joint, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> int:
     """Integration steps a sample with which the model at `vector` would not be thought inadequate for the error of the
     integration alone, on the fitted recordings and on those kept aside: once, twice or four times those of its batch.
     Where the motion is imposed, 1: its runs keep their own steps.
@@ -54,7 +54,7 @@ def steps_needed(joint: Joint, vector: Float[Array, " q"]) -> int:
     for finer, power in zip((1, MOST // 2), _differences(joint.layout, vector, joint.setting), strict=True):
         losses = losses_of(1.0 + np.asarray(power), batch) * seen
         parts = [losses[rows].sum() / max(count[rows].sum(), 1.0) for rows in (fitted, ~fitted)]
-        if max(parts) < ADEQUATE_MISFIT:
+        if max(parts) < rule.limits.adequate:
             return finer * own
     return MOST * own
 

@@ -5,33 +5,33 @@ from concurrent.futures import Executor
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.evidence.comparison import Compared, compare
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
+from frictionjax.diagnosis.table import Gains
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.joint import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS
 
-_CONVERGED = 2  # variables whose maps are refitted: those whose one-step estimates gain most
 _TAIL, _MARGIN = 0.05, 1.5  # of the excess left out on either side of a spot, and how much wider its map is
-_LEAST_LEAD = 1.5  # standard errors by which the held-out misfit must fall; few clusters may hold all of it
-_LEAST_SHARE = 0.1  # and by which part
 
 
 class ResidualModel(eqx.Module):
     """A map of the missing force over one variable.
 
-    **Attributes:** `variable` (in words), `model`, `compared` (against the model without it), `helps` (whether it
+    **Attributes:** `variable` (in words), `model`, `gains` (over the model without it), `helps` (whether it
     predicts recordings kept aside better than the model without it, beyond chance).
     """
 
     variable: str = eqx.field(static=True)
     model: Model
-    compared: Compared
+    gains: Gains
     helps: bool = eqx.field(static=True)
 
 
@@ -49,7 +49,19 @@ def _spot(present: Present) -> tuple[float, float] | None:
     return (float(0.5 * (low + high)), float(half)) if 2.0 * half < 0.5 * np.ptp(x) else None
 
 
-def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> ResidualModel | None:
+def helps(gains: Gains, rule: Rule) -> bool:
+    """Whether a map with these `gains` predicts held-out recordings better than the model without it, by the `rule`."""
+    return gains.lead_holdout > rule.residual.lead and gains.share_holdout > rule.residual.share
+
+
+def residual_model(
+    model: Model,
+    floor: np.ndarray,
+    executor: Executor,
+    *,
+    rule: Rule = Rule(),
+    effort: Effort = Effort(),
+) -> ResidualModel | None:
     """The map that explains most of what `model` leaves, base parameters and all else free beside it.
 
     Each map is a set of effects whose one-step estimates are tested like those of the catalogue, all base parameters
@@ -60,20 +72,21 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
     - `model`: the fitted base model, with the effects that were named.
     - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
     - `executor`: runs tests and refits side by side.
+    - `rule`: whether the map helps; `effort`: how many are refitted.
 
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = present_model(fast, model.fitted.vector)
-    spot = _spot(present)
+    spot, own = _spot(present), effort.refitting
 
     def test(item):
         variable, form = item
         instances = forms_to_try(form, scales, {})
         if spot is not None and variable.startswith("position"):
             instances.append(form(middle=spot[0], half=spot[1]))
-        trials = try_form(present, instances, scales)
+        trials = try_form(present, instances, scales, effort=effort)
         return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
 
     def converge(item) -> ResidualModel:
@@ -81,15 +94,16 @@ def residual_model(model: Model, floor: np.ndarray, executor: Executor) -> Resid
         joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted) > 0)
         vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
-        begun = descend(joint, vector, steps=12, tolerance=0.02)
+        first = descend(joint, vector, steps=own.map_steps, tolerance=own.map_tolerance)
         slow = joint.at_bandwidth(SLOW_BANDWIDTH)
-        fitted = descend(slow, begun.vector, graduate=False, steps=12, tolerance=0.01)
+        fitted = descend(
+            slow, first.vector, graduate=False, steps=own.map_steps, tolerance=own.slow_tolerance
+        )
         found = Model(slow, fitted, judge(slow, fitted))
-        compared = compare(model.judgement, found.judgement, floor)
-        helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > _LEAST_SHARE
-        return ResidualModel(variable, found, compared, helps)
+        gains = compare(model.judgement, found.judgement, floor, rule=rule).gains(rule)
+        return ResidualModel(variable, found, gains, helps(gains, rule))
 
     tested = [found for some in executor.map(test, MAPS.items()) for found in some]
     tested.sort(key=lambda item: -item[0])
-    converged = list(executor.map(converge, tested[:_CONVERGED]))
-    return max(converged, key=lambda found: found.compared.worth, default=None)
+    converged = list(executor.map(converge, tested[: own.residual_maps]))
+    return max(converged, key=lambda found: found.gains.worth, default=None)

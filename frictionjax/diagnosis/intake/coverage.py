@@ -1,7 +1,10 @@
 """What these recordings cannot show: effects that need a regime which no recording visits."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, noise_level
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.physics.effects import (
@@ -13,8 +16,6 @@ from frictionjax.physics.effects import (
 from frictionjax.recordings import Case
 from frictionjax.recordings.regimes import find_regimes
 
-_LEAST = 0.002  # part of the time that a regime must take to count as visited
-_REST = 0.3  # s: rests that tell how friction grows at rest
 _WORDS = {
     "sliding": "no recording slides",
     "presliding": "no recording dwells in presliding",
@@ -26,11 +27,48 @@ _WORDS = {
 }
 
 
-def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
+class Coverage(NamedTuple):
+    """What the fitted recordings of a case hold.
+
+    **Attributes:** `sliding`, `presliding` (largest part of the time of a recording), `rests` (their lengths, s),
+    `starts` (how many starting times), `span` (from the first start to the last end, s), `moves` (whether anything
+    does), `unit` of the position, `warmer` (range of the measured temperature, K).
+    """
+
+    sliding: float
+    presliding: float
+    rests: tuple[float, ...]
+    starts: int
+    span: float
+    moves: bool
+    unit: str
+    warmer: float
+
+    def meets(self, rule: Rule) -> dict[str, bool]:
+        """Need of an effect -> whether it is met, by the `rule`."""
+        least = rule.testable
+        return {
+            "sliding": self.sliding > least.regime,
+            "presliding": self.presliding > least.regime,
+            "rest": any(rest > least.rest for rest in self.rests) or self.starts > 1,
+            "both directions": self.moves,
+            "clock": self.starts > 1 or self.span > least.warm_up,
+            "angle": self.unit.strip().lower() in ("rad", "radian", "radians"),
+            "temperature": self.warmer >= least.warmer,
+        }
+
+
+def missing_needs(case: Case, batch: AbstractBatch, *, rule: Rule = Rule()) -> dict[str, str]:
     """Need of an effect (`About.needs`) that the fitted recordings of `case` do not meet -> what they lack, in words.
 
-    `batch` holds the recordings, the fitted ones first.
+    **Arguments:** the `case`; `batch`, its recordings, the fitted ones first; the `rule`.
     """
+    met = coverage_of(case, batch).meets(rule)
+    return {need: text for need, text in _WORDS.items() if not met[need]}
+
+
+def coverage_of(case: Case, batch: AbstractBatch) -> Coverage:
+    """What the fitted recordings of the `case` hold; `batch` as in `missing_needs`."""
     imposed = isinstance(batch, ImposedBatch)
     noises = [noise_level(r) for r in case.fit_recordings] if imposed else np.asarray(batch.noise)
     found = [
@@ -39,16 +77,16 @@ def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
     ]
     starts = {r.start_time for r in case.fit_recordings}
     span = max(r.start_time + r.duration for r in case.fit_recordings) - min(starts)
-    met = {
-        "sliding": any(one.sliding > _LEAST for one in found),
-        "presliding": any(one.presliding > _LEAST for one in found),
-        "rest": any(rest > _REST for one in found for rest in one.rests) or len(starts) > 1,
-        "both directions": any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
-        "clock": len(starts) > 1 or span > 10.0,
-        "angle": case.plant.position_unit.strip().lower() in ("rad", "radian", "radians"),
-        "temperature": _temperature_range(case) >= 1.0,
-    }
-    return {need: text for need, text in _WORDS.items() if not met[need]}
+    return Coverage(
+        sliding=max((float(one.sliding) for one in found), default=0.0),
+        presliding=max((float(one.presliding) for one in found), default=0.0),
+        rests=tuple(float(rest) for one in found for rest in one.rests),
+        starts=len(starts),
+        span=float(span),
+        moves=any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
+        unit=case.plant.position_unit,
+        warmer=_temperature_range(case),
+    )
 
 
 def _temperature_range(case: Case) -> float:
@@ -58,10 +96,12 @@ def _temperature_range(case: Case) -> float:
     return float(np.ptp(np.concatenate([np.asarray(r.temperature) for r in case.fit_recordings])))
 
 
-def not_testable(case: Case, batch: AbstractBatch) -> tuple[dict[str, str], frozenset[str]]:
+def not_testable(
+    case: Case, batch: AbstractBatch, *, rule: Rule = Rule()
+) -> tuple[dict[str, str], frozenset[str]]:
     """Effects of the catalogue that the recordings cannot show in any form -> why, in words; and the forms that they
     cannot show of other effects. Arguments as in `missing_needs`."""
-    lacking = missing_needs(case, batch)
+    lacking = missing_needs(case, batch, rule=rule)
     reasons = idle_effects() if isinstance(batch, ImposedBatch) else {}
     unseen: set[str] = set()
     for name, forms in catalogue().items():

@@ -21,6 +21,7 @@ from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
 from frictionjax.diagnosis.mismatch_map.where_words import lead_of, where_words
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 
@@ -41,6 +42,8 @@ def locate(
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
 ) -> Located:
     """The map over all recordings, and where it is strongest.
 
@@ -51,6 +54,7 @@ def locate(
     - `scene`: the recordings.
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
     - `chance`: what noise makes of this map; drawn when None, side by side with the `mapping` of an executor.
+    - `rule`: which places are reported.
     """
     level = floor_of_samples(floor, scene)
     e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
@@ -73,9 +77,9 @@ def locate(
     maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
     bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
     unions = unions_of(bins, axes)
-    lead = lead_of(bins, unions)
-    within = parts_within(lead, axes, e**2, scene) if lead else ()
-    return Located(bins, within, where_words(bins, unions, within))
+    lead = lead_of(bins, unions, rule=rule)
+    within = parts_within(lead, axes, e**2, scene, rule=rule) if lead else ()
+    return Located(bins, within, where_words(bins, unions, within, rule=rule))
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:
