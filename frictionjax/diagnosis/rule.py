@@ -25,8 +25,7 @@ class Floor:
     - `answering`: part of the largest answer to a force that a block must show to be asked. Larger: few blocks decide;
       smaller: blocks in stick, which say nothing of the force, decide. By hand.
     - `largest_force`: largest unmeasured force, over Coulomb friction, at each sample. Larger: an effect that acts in
-      all of sliding is taken for a disturbance; smaller: a disturbed machine gets a name. By hand, on machines of the
-      bank with a disturbance.
+      all of sliding is taken for a disturbance; smaller: a disturbed machine gets a name. By hand (commit 28da210).
     - `colour`: largest factor by which the colour of a recording's noise raises its floor. Noise nine tenths of which
       lie below 200 Hz has 2 at 2 kHz. Larger: a small effect that acts everywhere is lost; smaller: coloured noise is
       given a name. By hand.
@@ -36,16 +35,16 @@ class Floor:
       Larger: chaos is fitted; smaller: blocks that would determine a size are left out. By hand.
     - `gap_force`: unmeasured force over Coulomb friction under which a machine with a gap must stay predictable for a
       block to count. Larger: too little is left to fit a gap by; smaller: contacts that nobody can predict are fitted.
-      By hand, on machines 5017 and 5117 of the bank.
+      By hand, as the search was developed on machines 5017 and 5117 of the bank.
     - `excuse_share`: share of the misfit, in the predictable blocks, that a chaotic candidate must explain for its
       chaos to be excused. Larger: backlash is lost; smaller: a wrong gap excuses its own errors. By hand.
     - `excused_part`: part of the misfit without the gap that must stay after the excuse. Larger: backlash is lost;
       smaller: chaos excuses everything. By hand.
     - `ease`: under an imposed motion, part of the power that a model leaves below which errors do not count. Larger:
-      what is small is not seen beside what is large; smaller: the blocks in which a large error passes through zero
-      decide. By hand, on the tribometer.
+      what is small does not show beside what is large; smaller: the blocks in which a large error passes through zero
+      decide. By hand (commit 65242a8).
     - `energy_quantile`: of the power of the blocks, the quantile at which it is capped in shares of the energy. Larger:
-      a few impacts decide; smaller: an effect that acts in one block of ten is not seen. By hand.
+      a few impacts decide; smaller: an effect that acts in one block of ten does not count. By hand.
     """
 
     quantile: float = 0.4
@@ -70,19 +69,19 @@ class Accept:
     **Attributes:**
 
     - `least_share`: share of the misfit that an effect must explain. Larger: one of two effects is not found alone;
-      smaller: what half resembles an effect gets its name. By hand, on the first simulated machines.
+      smaller: what half resembles an effect gets its name. By hand; a lower one has not been tried.
     - `least_energy`: far from the noise, share of the excess power that is enough instead. Larger: effects of machines
       with much missing are not accepted; smaller: a stand-in is. Where something else is missing, half of the power is
-      easily explained: raised from a third after the blind batch 20261122.
+      easily explained. By hand; a third until commit 2827907.
     - `far_from_noise`: misfit without the candidate (the smaller of the two sets) from which shares of the power count:
       the power is then 8.9 times the floor. Larger: the logarithm hides what an effect explains; smaller: a share of
       the power, which a few blocks decide, is enough. By hand.
     - `significance`: p-value of the score test, Bonferroni over forms and grid. Larger: chance gets a name; smaller:
       short recordings show nothing. By hand; `python -m benchmarks.null_p_values` counts how often nulls fall below.
     - `lead_holdout`: standard errors by which a refit must lead on the held-out recordings to be significant without
-      the score test. Larger: short recordings show nothing; smaller: chance gets a name. By hand (two and four of the
-      sum gave false alarms in the blind batch 20261122).
-    - `lead_both`: the same for the sum of the leads on fitted and held-out recordings. By hand, with `lead_holdout`.
+      the score test. Larger: short recordings show nothing; smaller: chance gets a name. By hand.
+    - `lead_both`: the same for the sum of the leads on fitted and held-out recordings. By hand; four
+      until commit 2827907.
     - `decisive_share`: share of the misfit that is significant by itself where the held-out recordings are not adequate
       without the candidate. Larger: what acts in a few seconds of many is lost; smaller: a stand-in is significant.
       By hand.
@@ -93,8 +92,8 @@ class Accept:
       accepted for it. By hand.
     - `waves`: periods of a periodic effect that the stroke must hold. Larger: ripples on short strokes are lost;
       smaller: a wave that bends to any force that depends on the position is accepted. By hand.
-    - `waves_beside`: the same beside another force, to whose remainder a wave and its overtone bend. Set at commit
-      e65a39a, on three machines of the bank on which a wave had stood in beside a pendulum.
+    - `waves_beside`: the same beside another force, to whose remainder a wave and its overtone bend. By hand (commit
+      e65a39a): beside a pendulum a wave had stood in for a load and for a spring.
     - `enough_share`: share after which what is left is more likely the form of what was found: another effect must then
       explain as much of the rest, and two effects neither of which is accepted alone must reach it together. Larger:
       second names beside a right one; smaller: a true second effect is refused. By hand.

@@ -3,7 +3,6 @@
 import dataclasses
 import gzip
 import json
-from pathlib import Path
 
 import pytest
 from helpers_rule import row, table
@@ -13,8 +12,6 @@ pytest.importorskip("numba")
 from benchmarks import diagnosis, replay
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import table_json
-
-LINES = Path(__file__).parents[1] / "data" / "lines_with_tables.jsonl.gz"
 
 
 def _stored(*tables):

@@ -124,7 +124,7 @@ def _sharp(share, count):
         _bin("position", "here", share, 9.0, count),
         _bin("position", "there", 0.1, 1.1, 1000 - count),
     )
-    return lambda rule: lead_of(bins, rule=rule)[0].axis
+    return lambda rule: next((one.axis for one in lead_of(bins, rule=rule)), "")
 
 
 def _regimes(*excesses):

@@ -1,4 +1,4 @@
-"""Moved: how far what a named effect leaves may have moved the parameters told with it."""
+"""Model spread: how far what a named effect leaves may have biased the parameters reported with it."""
 
 import dataclasses
 import math

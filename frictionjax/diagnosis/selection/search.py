@@ -141,13 +141,13 @@ class Search:
         None where there are none."""
         if adequate(first.table.misfits, first.table.misfit_errors, self.rule):
             return None
-        begun = self._tentative(first)
-        if begun is None:
+        started = self._tentative(first)
+        if started is None:
             return None
-        second = self._accept(self.tables.candidates(1, [begun]))
+        second = self._accept(self.tables.candidates(1, [started]))
         if second.accepted is None:
             return None
-        both = self.drop([begun, second])
+        both = self.drop([started, second])
         if both[-1].accepted is None:
             return None
         if len(both) > 1 and not nearly_all(self.tables.whole(both), self.rule):
@@ -217,7 +217,7 @@ class Search:
         """The same `chain`, or rounds in which an earlier effect made way for one that it is confused with.
 
         While it was alone it had to stand in for what was accepted later, so that a wrong one may have won. What comes
-        in is put last, and so is what cannot be told from another beside the others.
+        in is put last, and so is what the recordings cannot tell from another beside the others.
         """
         for place, own in enumerate(list(chain[:-1])):
             table = self.tables.swap(chain, place)
@@ -248,11 +248,11 @@ class Search:
         first one again. So it is tried out: taken for accepted, swapped, and kept where another name came in, all are
         needed, and together they explain nearly all of the misfit. None where that is not so.
         """
-        begun = self._tentative(refused)
-        if begun is None:
+        started = self._tentative(refused)
+        if started is None:
             return None
-        changed = self.swap([*chain, begun])
-        if {one.row.effect for one in changed} == {one.row.effect for one in (*chain, begun)}:
+        changed = self.swap([*chain, started])
+        if {one.row.effect for one in changed} == {one.row.effect for one in (*chain, started)}:
             return None
         share = self.tables.whole(changed).gains(self.rule).share
         if share <= self.rule.accept.enough_share or len(self.drop(changed)) < len(changed):
