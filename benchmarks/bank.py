@@ -6,7 +6,9 @@ Lines that the file has already are not made again: an interrupted run goes on w
 """
 
 import argparse
+import dataclasses
 import functools
+import importlib
 import json
 import sys
 import time
@@ -20,13 +22,15 @@ import numpy as np
 import frictionjax as fj
 from benchmarks.concealed.reality import CATALOGUE, OUTSIDE, make_case
 from frictionjax.core import keep_compiled
-from frictionjax.diagnosis import diagnose as pipeline
-from frictionjax.diagnosis.selection import select as selection
-from frictionjax.diagnosis.selection.confidence import evidence_of
-from frictionjax.diagnosis.selection.decide import Step
-from frictionjax.diagnosis.selection.moves import ENOUGH_SHARE
-from frictionjax.diagnosis.selection.verdict_rule import verdict_of
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.select import Selection
+from frictionjax.diagnosis.selection.step import Step
+from frictionjax.diagnosis.table import Table, table_json
 from frictionjax.recordings import Plant, Recording
+
+pipeline = importlib.import_module("frictionjax.diagnosis.diagnose")
+candidates = importlib.import_module("frictionjax.diagnosis.selection.refit_candidates")
 
 COMPILED = "compiled"
 """Folder beside the lines: programs of one shape are compiled once, as the program `frictionjax` does."""
@@ -102,9 +106,9 @@ def told(step: Step) -> dict:
                 "effect": r.effect,
                 "after": r.model.judgement.misfits(step.floor),
                 "misfit": r.model.fitted.misfit,
-                **{k: float(getattr(c, k)) for k in c.__dataclass_fields__},
+                **{k: float(v) for k, v in dataclasses.asdict(row.gains(Rule())).items()},
             }
-            for r, c in zip(step.refits, step.compared, strict=True)
+            for r, row in zip(step.refits, step.compared, strict=True)
         ],
         "accepted": step.accepted.form if step.accepted else None,
         "effect": step.accepted.effect if step.accepted else None,
@@ -112,49 +116,57 @@ def told(step: Step) -> dict:
     }
 
 
+def stored(tables: Sequence[Table]) -> dict:
+    """The `tables` of a selection as a line keeps them, with the rule that made them: for `benchmarks.replay`."""
+    made_by = {"rule": dataclasses.asdict(Rule()), "rounds": Effort().rounds}
+    return made_by | {"tables": [table_json(table) for table in tables]}
+
+
 def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
     """One line; with `left_out` also what is said, from the same base fit, when the catalogue lacks what is missing;
     not `own`: only that."""
     simulated = make_case(job["seed"], missing=tuple(job["missing"]), strength=job["strength"])
-    kept: dict[str, list[Step]] = {}
-    select, try_catalogue, true = pipeline.select, selection.try_catalogue, frozenset(job["missing"])
+    kept: dict[str, Selection] = {}
+    select, try_catalogue, true = pipeline.select, candidates.try_catalogue, frozenset(job["missing"])
     tested: dict[int, tuple[object, list]] = {}
     spent = [0.0]
 
-    def tested_once(model, scales, executor, without, pair):
+    def tested_once(model, scales, executor, without, pair, *, effort):
         if id(model) not in tested:
             tested[id(model)] = (
                 model,
-                try_catalogue(model, scales, executor, without - true, pair),
+                try_catalogue(model, scales, executor, without - true, pair, effort=effort),
             )
         return [[trial for trial in some if trial.effect not in without] for some in tested[id(model)][1]]
 
     def watched(*arguments, without=frozenset(), **options):
         if own:
-            kept["steps"] = select(*arguments, without=without, **options)
+            kept["own"] = select(*arguments, without=without, **options)
         if left_out:
             aside = time.perf_counter()
             kept["left"] = select(*arguments, without=without | true, **options)
             spent.append(time.perf_counter() - aside)
-        return kept["steps"] if own else kept["left"]
+        return kept["own"] if own else kept["left"]
 
-    pipeline.select, selection.try_catalogue = watched, tested_once
+    pipeline.select, candidates.try_catalogue = watched, tested_once
     start = time.perf_counter()
     try:
         found = fj.diagnose(case_of(simulated))
     finally:
-        pipeline.select, selection.try_catalogue = select, try_catalogue
+        pipeline.select, candidates.try_catalogue = select, try_catalogue
     left = None
     if left_out:
         left = {
-            "verdict": verdict_of(kept["left"])[0],
-            "steps": [told(step) for step in kept["left"]],
-            "evidence": evidence_of(kept["left"]),
+            "verdict": kept["left"].decision.verdict,
+            "steps": [told(step) for step in kept["left"].steps],
+            "evidence": kept["left"].decision.evidence,
+            "classes": kept["left"].decision.classes,
+            "comparisons": stored(kept["left"].tables),
         }
     if not own:
         return job | {"left": left}
     return job | {
-        "evidence": evidence_of(kept["steps"]),
+        "evidence": kept["own"].decision.evidence,
         "left": left,
         "verdict": found.verdict,
         "named": [m.effect for m in found.missing],
@@ -164,7 +176,8 @@ def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
         "sizes": simulated.truth["sizes"],
         "base": {k: e.value for k, e in found.base.items()},
         "truth": simulated.truth["base"],
-        "steps": [told(step) for step in kept["steps"]],
+        "steps": [told(step) for step in kept["own"].steps],
+        "comparisons": stored(found.comparisons),
         "held": {
             r.name: [r.prediction_rmse_base, r.prediction_rmse_extended, r.noise_floor]
             for r in found.recordings
@@ -190,10 +203,14 @@ def job_of(line: dict) -> dict:
 
 
 def can_change(evidence: list[list[float]], steps: list[dict]) -> bool:
-    """Whether what was refused last may bring another name in (`exchange.instead`): beside what was accepted, which
+    """Whether what was refused last may bring another name in (`Search.instead`): beside what was accepted, which
     does not explain nearly all. Shares are those above the last floor; the first effect's own share, above the floor
     of its round, is asked, too, so that rather too many lines count than too few."""
-    return bool(evidence) and steps[-1]["accepted"] is None and min(evidence[0][:2]) <= ENOUGH_SHARE
+    return (
+        bool(evidence)
+        and steps[-1]["accepted"] is None
+        and min(evidence[0][:2]) <= Rule().accept.enough_share
+    )
 
 
 def again(line: dict) -> dict | None:

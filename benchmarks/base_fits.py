@@ -53,7 +53,7 @@ def fitted(seed: int, family: str) -> Ended:
         best = fit_base([true], starting.batch, starting.held_out, executor, silent)
     floor = np.ones((1, 1))
     starts, truth = (model.judgement.misfits(floor)[0] for model in (found, best))
-    return Ended(starts, truth, credibility(found).credible)
+    return Ended(starts, truth, credibility(found).is_credible())
 
 
 def parsed(arguments: list[str] | None = None) -> argparse.Namespace:

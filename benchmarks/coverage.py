@@ -9,6 +9,7 @@ over those that are reported, which include the change of the parameters by othe
 """
 
 import argparse
+import importlib
 import json
 import sys
 import tempfile
@@ -26,7 +27,6 @@ from benchmarks.concealed.reality import make_case
 from benchmarks.diagnosis import SIZES
 from frictionjax.core import Estimate, keep_compiled
 from frictionjax.demo import write_demo_case
-from frictionjax.diagnosis import diagnose as pipeline
 from frictionjax.diagnosis.base_model import fit_base as base_fit
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
@@ -40,6 +40,8 @@ from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import catalogue
+
+pipeline = importlib.import_module("frictionjax.diagnosis.diagnose")
 
 INSIDE = 1.96
 EFFECTS = [name for name in SIZES if name != "elasto_plastic"]
@@ -114,9 +116,9 @@ def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str
     kept: list[dict[str, Estimate]] = []
     widen = pipeline.moved
 
-    def watched(extended, layout, steps):
+    def watched(extended, layout, steps, *, rule):
         kept.append(extended)
-        return widen(extended, layout, steps)
+        return widen(extended, layout, steps, rule=rule)
 
     pipeline.moved = watched
     try:

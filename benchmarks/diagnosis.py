@@ -94,8 +94,8 @@ def verdict_without(line: dict) -> str:
     names = _without(line)
     if not names:
         return left["verdict"]
-    forms = [catalogue()[name][0]() for name in names]
-    return "named" if 1.0 - left["evidence"][0][0] < most_left(forms) else "unknown"
+    exact = [catalogue()[name][0].about.one_law for name in names]
+    return "named" if 1.0 - left["evidence"][0][0] < most_left(exact) else "unknown"
 
 
 def table_of_effects(lines: list[dict], write) -> None:
@@ -162,7 +162,8 @@ def summary(read: dict[str, list[dict]], write) -> None:
 
 
 def thinned(line: dict) -> dict:
-    """What tables and `benchmarks.calibrate` read of a `line`: of each round the misfit and the name."""
+    """What tables, `benchmarks.calibrate` and `benchmarks.replay` read of a `line`: of each round the misfit and the
+    name, and every comparison."""
 
     def outline(steps: list[dict]) -> list[dict]:
         return [{key: step[key] for key in ("misfits_unit", "accepted", "effect")} for step in steps]

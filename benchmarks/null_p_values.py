@@ -18,7 +18,7 @@ from frictionjax.core import keep_compiled
 from frictionjax.diagnosis.base_model.fit_base import base_of
 from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
-from frictionjax.diagnosis.selection.decide import effect_p_values
+from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.estimation.scales import plant_scales
 
 LEVELS = (0.05, 0.01, 0.001)

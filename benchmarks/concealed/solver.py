@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -19,6 +20,8 @@ import numpy as np
 
 import frictionjax.diagnosis
 import frictionjax.estimation
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.rule import Rule
 
 FILE = "solver.json"
 DECIDING = (frictionjax.diagnosis, frictionjax.estimation)
@@ -26,7 +29,8 @@ DECIDING = (frictionjax.diagnosis, frictionjax.estimation)
 
 
 def thresholds(packages: tuple[ModuleType, ...] = DECIDING) -> dict[str, list]:
-    """Every named number of the modules in `packages`, however it is nested: scalars, tuples, dictionaries, arrays.
+    """Every number of the rule and the effort, and every named one of the modules in `packages`, however it is nested:
+    scalars, tuples, dictionaries, arrays.
 
     Numbers that stand in the code without a name are sealed by `source`.
     """
@@ -37,6 +41,10 @@ def thresholds(packages: tuple[ModuleType, ...] = DECIDING) -> dict[str, list]:
                 numbers = list(_numbers(value)) if name.strip("_").isupper() else []
                 if numbers:
                     found[f"{module.name.partition('.')[2]}.{name}"] = numbers
+    for name, numbers in (("rule", Rule()), ("effort", Effort())):
+        for group, own in dataclasses.asdict(numbers).items():
+            for field, value in (own if isinstance(own, dict) else {"": own}).items():
+                found[f"diagnosis.{name}.{group}.{field}".rstrip(".")] = list(_numbers([value]))
     return dict(sorted(found.items()))
 
 

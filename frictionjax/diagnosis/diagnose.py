@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from frictionjax.core.compile_time import CompileClock
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
@@ -26,11 +28,12 @@ from frictionjax.diagnosis.intake.starting_point import check, starting_point
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.locate import Located, locate
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
-from frictionjax.diagnosis.selection.confidence import evidence_of
-from frictionjax.diagnosis.selection.decide import Step, effect_p_values
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.candidate_table import effect_p_values
+from frictionjax.diagnosis.selection.confidence import Evidence
 from frictionjax.diagnosis.selection.model_spread import moved
 from frictionjax.diagnosis.selection.select import select
-from frictionjax.diagnosis.selection.verdict_rule import verdict_of
+from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.verdict import (
     Diagnosis,
     MismatchBin,
@@ -58,7 +61,14 @@ _MAP_REJECTED = (
 )
 
 
-def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress = silent) -> Diagnosis:
+def diagnose(
+    case: Case,
+    *,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+    rule: Rule = Rule(),
+    effort: Effort = Effort(),
+) -> Diagnosis:
     """Locate the mismatch between recordings and base model, name the missing physics, and verify it on held-out data.
 
     **Arguments:**
@@ -67,6 +77,8 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
     - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits in parallel. None: a
       thread for each core of this machine.
     - `progress`: called with the stage and the fraction done.
+    - `rule`: every number that decides what is said.
+    - `effort`: budgets of the search.
 
     **Returns:**
 
@@ -80,13 +92,13 @@ def diagnose(case: Case, *, executor: Executor | None = None, progress: Progress
     check(case)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
-        return _diagnose(case, threads or executor, progress)  # type: ignore[arg-type]
+        return _diagnose(case, threads or executor, progress, rule, effort)  # type: ignore[arg-type]
     finally:
         if threads is not None:
             threads.shutdown(cancel_futures=True)
 
 
-def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
+def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, effort: Effort) -> Diagnosis:
     clock, compiling = _Stages(), CompileClock()
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
@@ -99,31 +111,35 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         executor,
         lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
         known_inertia=plant.inertia is not None,
+        rule=rule,
     )
     notes = list(starting.notes)
     scene = _with_steps_of(scene, base)
-    credible, error = credibility(base), ""
-    if not credible.credible:
+    credible, error = credibility(base, rule=rule), ""
+    if not credible.is_credible(rule=rule):
         progress("checking sign and inertia", 0.2)
-        error = mistake(case, lambda other: _base_alone(other, executor))
+        error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
     clock.stage("base fit")
-    untestable, barred_forms = not_testable(case, starting.batch)
-    steps: list[Step] = []
+    untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
+    selection = None
     if not error:
-        steps = select(
+        selection = select(
             base,
             executor,
             lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
             without=barred_forms | frozenset(idle_effects() if starting.imposed else ()),
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
+            rule=rule,
+            effort=effort,
         )
     clock.stage("naming")
+    steps = selection.steps if selection is not None else []
     accepted = [step.accepted for step in steps if step.accepted is not None]
-    if not credible.credible:
+    if selection is None or not credible.is_credible(rule=rule):
         # The missing effect may be most of the force: gravity on a pendulum.
-        if not accepted or not credibility(accepted[-1].model).credible:
-            values = parameters_of(base, units)
+        if selection is None or not accepted or not _is_credible(accepted[-1].model, rule):
+            values = parameters_of(base, units, rule=rule)
             warnings = (
                 what_to_check(credible, case, error),
                 *_warnings(case, values, message_of(base), starting.notes),
@@ -134,13 +150,14 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in accepted)))
     base = steps[0].before
     last = accepted[-1].model if accepted else base
-    verdict, left = verdict_of(steps)
+    decision = selection.decision
+    verdict, left = decision.verdict, (decision.remains, decision.share)
     if steps[0].together:
         notes.append(_UNDETERMINED)
     residual = None
     if verdict == "unknown":
         progress("mapping the residual force", 0.82)
-        residual = residual_model(last, steps[-1].floor, executor)
+        residual = residual_model(last, steps[-1].floor, executor, rule=rule, effort=effort)
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("predicting every recording", 0.86)
@@ -149,7 +166,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
     def parameters(model: Model) -> Future:
         # A missing effect biases the parameters of the base model by more than an unmeasured force does.
         force = steps[-1].force if model is last else 0.0
-        return executor.submit(reported_parameters, model, units, force, lacking=model is base is not final)
+        lacking = model is base is not final
+        return executor.submit(reported_parameters, model, units, force, lacking=lacking, rule=rule)
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
@@ -161,15 +179,17 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
             residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
     progress("mapping the mismatch", 0.95)
-    located = _map(base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor)
+    located = _map(
+        base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor, rule
+    )
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
-    extended, biased = moved(extended, last.joint.layout, steps)
+    extended, biased = moved(extended, last.joint.layout, steps, rule=rule)
     notes += [text for text in (warning, biased) if text]
     experiments, without_experiment = _experiments(steps, progress)
     notes += without_experiment
-    missing = _missing(steps, extended, located.where, experiments)
-    unexplained = _unexplained(verdict, left, bins, residual)
+    missing = _missing(steps, decision.evidence, extended, located.where, experiments)
+    unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
@@ -183,10 +203,13 @@ def _diagnose(case: Case, executor: Executor, progress: Progress) -> Diagnosis:
         base=base_parameters,
         extended=extended,
         recordings=fits,
-        candidates=candidates(steps, units, untestable),
+        candidates=candidates(steps, units, untestable, rule=rule),
         warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
         seconds=clock.report(compiling),
         within=located.within,
+        comparisons=selection.tables,
+        rule=rule,
+        effort=effort,
     )
 
 
@@ -207,9 +230,15 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
     return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
 
 
-def _base_alone(case: Case, executor: Executor) -> Model:
+def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
     """The base model fitted to a corrected case."""
-    return base_of(starting_point(case), executor, silent, known_inertia=case.plant.inertia is not None)
+    return base_of(
+        starting_point(case), executor, silent, known_inertia=case.plant.inertia is not None, rule=rule
+    )
+
+
+def _is_credible(model: Model, rule: Rule) -> bool:
+    return credibility(model, rule=rule).is_credible(rule=rule)
 
 
 class _Stages:
@@ -237,35 +266,41 @@ def _map(
     scene: Scene,
     floor: Float[np.ndarray, "r b"],
     executor: Executor,
+    rule: Rule,
 ) -> Located:
     batch = scene.batch
     inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
     axes = axes_of(Motion(np.asarray(batch.x), predicted.v, predicted.bend, inputs), base, plant, scene)
     if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(predicted, extended, axes, scene, floor, mapping=executor.map)
+    return locate(predicted, extended, axes, scene, floor, mapping=executor.map, rule=rule)
 
 
 def _unexplained(
-    verdict: Verdict, left: tuple[bool, float], bins: tuple[MismatchBin, ...], residual: ResidualModel | None
+    verdict: Verdict,
+    left: tuple[bool, float],
+    bins: tuple[MismatchBin, ...],
+    residual: ResidualModel | None,
+    *,
+    rule: Rule = Rule(),
 ) -> Unexplained:
     """What remains: whether it is significant and its share (`left`), in which regime, and over which variable a map of
     it predicts held-out recordings."""
     present, share = left
     regimes = [b for b in bins if b.axis == "regime"]
     if verdict == "unknown" and residual is None:
-        place = strongest(bins, "regime")
+        place = strongest(bins, "regime", rule=rule)
     else:
         place = max(regimes, key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None)
     where = place.bin if place is not None and present else ""
     if residual is None:
         return Unexplained(present, share, where)
-    strong = strongest(bins, "regime")
+    strong = strongest(bins, "regime", rule=rule)
     where = strong.bin if strong is not None else where
     variable = residual.variable if residual.helps else ""
     if variable:
         where = f"{where}; carried by {variable}"
-    return Unexplained(present, share, where, variable, residual.compared.share_holdout if variable else 0.0)
+    return Unexplained(present, share, where, variable, residual.gains.share_holdout if variable else 0.0)
 
 
 def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
@@ -294,13 +329,14 @@ def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextE
 
 def _missing(
     steps: list[Step],
+    weights: Sequence[Evidence],
     extended: dict[str, Estimate],
     where: str,
     experiments: dict[str, NextExperiment],
 ) -> tuple[MissingEffect, ...]:
     missing = []
-    named = zip([step for step in steps if step.accepted is not None], evidence_of(steps), strict=True)
-    for step, evidence in named:
+    accepted = [step for step in steps if step.accepted is not None]
+    for step, evidence in zip(accepted, weights, strict=True):
         found = step.accepted
         if found is None:
             continue

@@ -10,7 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Table
 from frictionjax.recordings import Plant
 
 Verdict = Literal["adequate", "named", "unknown"]
@@ -98,7 +101,8 @@ class Within:
     **Attributes:** `axis`, `bin` (a bin of it, or all bins beyond one edge, with units), `phrase` (the same as words
     after "only"), `given` (the strongest bins, and the parts of other axes reported before), `share` (of their excess
     that lies in this part), `samples` (share of their samples that does), `excess` (power over the noise floor there),
-    `excess_elsewhere` (in the rest of them), `p_value` (of equal power in both, corrected for all parts compared).
+    `excess_elsewhere` (in the rest of them), `p_value` (of equal power in both, corrected for all parts compared),
+    `only` (whether almost all of the excess lies in this part).
     """
 
     axis: str
@@ -110,11 +114,7 @@ class Within:
     excess: float
     excess_elsewhere: float
     p_value: float
-
-    @property
-    def only(self) -> bool:
-        """Whether almost all of the excess lies in this part: at most a tenth elsewhere, in total and per sample."""
-        return self.share >= 0.9 and self.excess_elsewhere - 1.0 <= 0.1 * (self.excess - 1.0)
+    only: bool = False
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,8 @@ class Diagnosis(eqx.Module):
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
-    `within` (which parts of other axes contain the excess of the strongest bins).
+    `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
+    two models that the search made, one `Table` a step), and the `rule` and the `effort` with which it was made.
     """
 
     case: str = eqx.field(static=True)
@@ -193,6 +194,9 @@ class Diagnosis(eqx.Module):
     warnings: tuple[str, ...] = eqx.field(static=True)
     seconds: dict[str, float] = eqx.field(static=True)
     within: tuple[Within, ...] = ()
+    comparisons: tuple[Table, ...] = eqx.field(static=True, default=())
+    rule: Rule = eqx.field(static=True, default=Rule())
+    effort: Effort = eqx.field(static=True, default=Effort())
 
     def held_out_rmse(self, kind: Literal["prediction", "free_run"] = "prediction") -> tuple[float, float]:
         """Root mean square error on the held-out recordings, each with the same weight: of the base model and of the

@@ -1,5 +1,6 @@
-"""Saving a diagnosis: verdict.json, fit/*.csv and report.html, all of it or nothing."""
+"""Saving a diagnosis: verdict.json, comparisons.json, fit/*.csv and report.html, all of it or nothing."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -14,6 +15,8 @@ import numpy as np
 
 from frictionjax.core import InputError
 from frictionjax.core.json import plain_json
+from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
+from frictionjax.diagnosis.table import table_json
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.report.page import write_report
 
@@ -123,6 +126,20 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
     return plain_json(content)
 
 
+def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The content of comparisons.json, schema `frictionjax.comparisons/1`: every comparison of two models that the
+    search of the `diagnosis` made, with the rule and the effort of the search."""
+    content = {
+        "schema": COMPARISONS,
+        "case": diagnosis.case,
+        "rule": dataclasses.asdict(diagnosis.rule),
+        "effort": dataclasses.asdict(diagnosis.effort),
+        "tables": [table_json(table) for table in diagnosis.comparisons],
+        "frictionjax": version("frictionjax"),
+    }
+    return plain_json(content)
+
+
 def check_writable(directory: str | Path) -> None:
     """Raise `InputError` unless `save_diagnosis` could write into `directory` now; changes nothing.
 
@@ -139,7 +156,7 @@ def check_writable(directory: str | Path) -> None:
             raise InputError("is a file, so no result can be written there", file=anchor, cure=_CURE)
         # Trying beats asking: permission bits do not tell of read-only file systems, nor do they bind root.
         Path(tempfile.mkdtemp(dir=anchor, prefix=".frictionjax-")).rmdir()
-        for name in ("verdict.json", "report.html"):
+        for name in ("verdict.json", "comparisons.json", "report.html"):
             if (directory / name).is_dir():
                 raise InputError("is a directory where a file is to go", file=directory / name, cure=_CURE)
         if (directory / "fit").exists() and not (directory / "fit").is_dir():
@@ -147,7 +164,7 @@ def check_writable(directory: str | Path) -> None:
 
 
 def save_diagnosis(diagnosis: Diagnosis, directory: str | Path, *, report: bool = True) -> Path:
-    """Write verdict.json, fit/*.csv and report.html into `directory`: all of them, or none.
+    """Write verdict.json, comparisons.json, fit/*.csv and report.html into `directory`: all of them, or none.
 
     Everything is written into a temporary directory first and moved into place by renaming. Results of an
     earlier run in `directory` are replaced; any other file in it is left alone.
@@ -217,6 +234,8 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
 def _write_all(diagnosis: Diagnosis, directory: Path, report: bool) -> None:
     text = json.dumps(verdict_json(diagnosis), indent=1, ensure_ascii=False, allow_nan=False)
     (directory / "verdict.json").write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(comparisons_json(diagnosis), ensure_ascii=False, allow_nan=False)
+    (directory / "comparisons.json").write_text(text + "\n", encoding="utf-8")
     (directory / "fit").mkdir()
     for recording in diagnosis.recordings:
         stem = re.sub(r"[/\\\0]", "_", recording.name)

@@ -166,7 +166,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["diagnosis.selection.decide.SIGNIFICANCE"] == [1e-3]
+    assert began["thresholds"]["diagnosis.rule.accept.significance"] == [1e-3]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
@@ -188,8 +188,9 @@ def test_the_seal_holds_every_number(tmp_path, monkeypatch):
     """Arrays, nested tuples, the packages below, and, by a hash, what has no name at all."""
     sealed = solver.thresholds()
     assert {name.split(".")[0] for name in sealed} == {"diagnosis", "estimation"}
-    assert len(sealed["diagnosis.refitting.backlash_search._GAPS"]) == 30
-    assert sealed["diagnosis.refitting.backlash_search._TURNS"] == [10.0, 0.5, 10.0, 0.25, 1.0, 0.1]
+    assert len(sealed["diagnosis.mismatch_map.frequency_bands._EDGES"]) == 9
+    assert sealed["diagnosis.effort.backlash.turns"] == [10.0, 0.5, 10.0, 0.25, 1.0, 0.1]
+    assert sealed["diagnosis.rule.limits.adequate"] == [0.01]
     package = tmp_path / "machine"
     package.mkdir()
     (package / "__init__.py").write_text("")
@@ -204,7 +205,7 @@ def test_one_batch_has_one_solver(tmp_path, monkeypatch):
     batch = plain_batch(tmp_path / "batch", cases=1)
     solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)
     own = solver.who_solves()
-    other = own | {"thresholds": own["thresholds"] | {"diagnosis.selection.decide.LEAST_SHARE": [0.1]}}
+    other = own | {"thresholds": own["thresholds"] | {"diagnosis.rule.accept.least_share": [0.1]}}
     monkeypatch.setattr(solver, "who_solves", lambda: other)
     with pytest.raises(ValueError, match="thresholds differ"):
         solve(batch, diagnose=lambda file: verdict(), say=lambda text: None)

@@ -8,8 +8,9 @@ from helpers_estimation import PLANT, base_fit, small_case
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
-from frictionjax.diagnosis.base_model.credibility import Credibility, _compared, credibility
+from frictionjax.diagnosis.base_model.credibility import Credibility, credibility, energy_and_lead
 from frictionjax.diagnosis.intake.starting_point import starting_point
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.evidence import observed
 from frictionjax.recordings import Case, Plant, Recording
@@ -31,11 +32,11 @@ def fitted(case):
 def test_a_good_base_fit_is_credible_and_that_of_a_reversed_input_is_not():
     case = small_case(seconds=2.2)
     good = credibility(fitted(case))
-    assert good.credible
+    assert good.is_credible()
     assert good.energy > 0.99
     assert good.failed == ()
     reversed_input = credibility(fitted(with_input(case, np.negative)))
-    assert not reversed_input.credible
+    assert not reversed_input.is_credible()
     assert reversed_input.energy < 0.0
     assert reversed_input.failed
 
@@ -45,7 +46,7 @@ def test_a_good_base_fit_is_credible_and_that_of_a_reversed_input_is_not():
     [(0.9, -5.0, True), (0.1, 5.0, True), (0.1, 1.0, False), (-0.3, -4.0, False)],
 )
 def test_either_half_of_the_energy_or_most_of_the_time_makes_it_credible(energy, lead, expected):
-    assert Credibility(energy, lead, ()).credible is expected
+    assert Credibility(energy, lead, ()).is_credible() is expected
 
 
 def test_noise_does_not_outvote_the_few_blocks_that_show_anything():
@@ -53,9 +54,9 @@ def test_noise_does_not_outvote_the_few_blocks_that_show_anything():
     rng = np.random.default_rng(4)
     noise = 1.0 + 0.1 * rng.standard_normal((1, 1000))
     none = np.where(np.arange(1000) % 100 == 0, noise + 2.0, noise)
-    assert _compared(none, noise, np.full((1, 1000), 100.0))[0] > 0.9
-    assert _compared(noise, noise, np.full((1, 1000), 100.0))[0] == 0.0
-    assert _compared(noise, none, np.full((1, 1000), 100.0))[0] <= 0.0
+    assert energy_and_lead(none, noise, np.full((1, 1000), 100.0), Rule())[0] > 0.9
+    assert energy_and_lead(noise, noise, np.full((1, 1000), 100.0), Rule())[0] == 0.0
+    assert energy_and_lead(noise, none, np.full((1, 1000), 100.0), Rule())[0] <= 0.0
 
 
 def test_without_a_model_noise_alone_has_unit_power():

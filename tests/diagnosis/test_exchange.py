@@ -1,12 +1,14 @@
-"""Exchange: what was named first makes way for its twin when that does better beside what was named later."""
+"""Swap: what was named first makes way for its twin when that does better beside what was named later."""
+
+import dataclasses
 
 import pytest
-from helpers_selection import SILENT, a_round, with_effect, world
+from helpers_selection import Bench, world
 
-from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
-from frictionjax.diagnosis.refitting.refitted import Refitted
-from frictionjax.diagnosis.selection.decide import dropping
-from frictionjax.diagnosis.selection.swap import exchanged, instead, taken_for
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.refitted_tables import confused_with
+from frictionjax.diagnosis.selection.round import dropping
+from frictionjax.diagnosis.selection.search import Search
 from frictionjax.physics import catalogue
 
 
@@ -16,107 +18,93 @@ def two():
     return world("load", "lag")
 
 
-def _again(known, asked, scales):
-    """Refits of what is `known` here among the names, with tests that all of them pass; `asked` is told the names."""
-
-    def again(model, names):
-        asked.append(names)
-        found = [
-            a_round(model, with_effect(model, key, scales), key) for key in known if SILENT[key].name in names
-        ]
-        return [trial for step in found for trial in step.trials], [
-            Refitted(step.accepted.trial, step.accepted.model) for step in found
-        ]
-
-    return again
+def _swapped(two, named, known):
+    """What a swap makes of rounds in which the effects `named` were accepted, when it can refit the `known` ones; and
+    the bench of it."""
+    bench = Bench(*two, known)
+    return bench.search.swap(bench.chain(*named)), bench
 
 
-def _exchanged(two, named, known):
-    """Rounds in which the effects `named` were accepted one after the other, and what exchange makes of them when it
-    can refit the `known` ones; with the names for which it asked."""
-    base, scales = two
-    steps, before = [], base
-    for key in named:
-        steps.append(a_round(before, with_effect(before, key, scales), key))
-        before = steps[-1].accepted.model
-    asked = []
-    answer = answer_to_force(base.joint, base.fitted.vector)
-    return exchanged(steps, scales, answer, _again(known, asked, scales)), asked
-
-
-def test_what_is_taken_for_an_effect():
+def test_what_is_confused_with_an_effect():
     """Whichever of the two says so; and an effect is its own twin, for its other forms."""
-    assert "constant_load" in taken_for("gravity_pendulum")
-    assert "gravity_pendulum" in taken_for("constant_load")
+    assert "constant_load" in confused_with("gravity_pendulum")
+    assert "gravity_pendulum" in confused_with("constant_load")
     for name in catalogue():
-        assert name in taken_for(name)
-        assert all(name in taken_for(other) for other in taken_for(name))
+        assert name in confused_with(name)
+        assert all(name in confused_with(other) for other in confused_with(name))
 
 
 @pytest.mark.slow
 def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
-    """Beside the lag the load predicts better; the moves are long enough to tell."""
-    found, asked = _exchanged(two, ["pendulum", "lag"], ["load"])
-    assert [step.accepted.effect for step in found] == ["drive_lag", "constant_load"]
-    assert found[0].before is two[0]
+    """Beside the lag the load predicts better; the moves are long enough to show it."""
+    found, bench = _swapped(two, ["pendulum", "lag"], ["load"])
+    assert [one.row.effect for one in found] == ["drive_lag", "constant_load"]
+    assert bench.tables.step(found[0]).before is two[0]
     assert found[1].rivals == ()
-    assert asked == [taken_for("gravity_pendulum")]
-    model = found[1].accepted.model
+    assert bench.asked == [confused_with("gravity_pendulum")]
+    model = bench.model(found[1])
     assert [effect.name for effect in model.joint.drive.effects] == ["drive_lag", "constant_load"]
 
 
-def test_twins_that_the_others_do_not_separate_are_told_together(two):
+def test_twins_that_the_others_do_not_separate_are_one_class(two):
     """A lag of a sixteenth of a sample is a delay of it: with the experiment's two refits in the round."""
-    found, _ = _exchanged(two, ["lag", "load"], ["delay"])
-    assert found[0].accepted.effect == "constant_load"
-    assert {found[1].accepted.effect, *found[1].rivals} == {"drive_lag", "delay"}
-    assert {refit.effect for refit in found[1].refits} == {"drive_lag", "delay"}
-    assert found[1].accepted in found[1].refits
+    found, bench = _swapped(two, ["lag", "load"], ["delay"])
+    assert found[0].row.effect == "constant_load"
+    assert {found[1].row.effect, *found[1].rivals} == {"drive_lag", "delay"}
+    step = bench.tables.step(found[1])
+    assert {refit.effect for refit in step.refits} == {"drive_lag", "delay"}
+    assert step.accepted in step.refits
 
 
 def test_the_true_effect_stays_beside_a_twin_that_does_worse(two):
     """A spring is no load."""
-    found, asked = _exchanged(two, ["load", "lag"], ["spring"])
-    assert [step.accepted.effect for step in found] == ["constant_load", "drive_lag"]
+    found, bench = _swapped(two, ["load", "lag"], ["spring"])
+    assert [one.row.effect for one in found] == ["constant_load", "drive_lag"]
     assert found[0].rivals == ()
-    assert asked == [taken_for("constant_load")]
+    assert bench.asked == [confused_with("constant_load")]
 
 
-def _instead(two, first, second, known):
-    """What becomes of the `first` name when the `second` is refused beside it."""
-    base, scales = two
-    steps = [a_round(base, with_effect(base, first, scales), first)]
-    begun = steps[0].accepted.model
-    refused = dropping(a_round(begun, with_effect(begun, second, scales), second), "explains too little")
-    answer = answer_to_force(base.joint, base.fitted.vector)
-    return instead(steps, refused, scales, answer, _again(known, [], scales))
+def _instead(two, first, second, known, change=lambda search: search):
+    """What becomes of the `first` name when the `second` is refused beside it, by a search with a `change`."""
+    bench = Bench(*two, known)
+    *chain, last = bench.chain(first, second)
+    refused = dropping(last, "explains too little")
+    return change(bench.search).instead(chain, refused), bench
 
 
 def test_a_second_effect_refused_beside_a_wrong_name_brings_in_the_true_one(two):
     """Beside the pendulum that stands in for the load nothing else may be named; with the load both are."""
-    found = _instead(two, "pendulum", "lag", ["load"])
-    assert [step.accepted.effect for step in found] == ["drive_lag", "constant_load"]
-    assert found[-1].accepted.model.fitted.misfit < 0.2 * found[0].before.fitted.misfit
+    found, bench = _instead(two, "pendulum", "lag", ["load"])
+    assert [one.row.effect for one in found] == ["drive_lag", "constant_load"]
+    assert bench.model(found[-1]).fitted.misfit < 0.2 * two[0].fitted.misfit
 
 
 def test_what_is_refused_beside_a_true_name_stays_refused(two):
     """The load is what it seems, and trying the lag out beside it does not let the lag in."""
-    assert _instead(two, "load", "lag", ["spring"]) is None
+    assert _instead(two, "load", "lag", ["spring"])[0] is None
 
 
-def test_a_wrong_name_stays_where_nothing_is_taken_for_it(two):
+def test_a_wrong_name_stays_where_nothing_is_confused_with_it(two):
     """What was refused is then not named either."""
-    assert _instead(two, "lag", "pendulum", []) is None
+    assert _instead(two, "lag", "pendulum", [])[0] is None
+
+
+def _asking_for_more(search):
+    return dataclasses.replace(search, rule=Rule().changed({"accept.enough_share": 2.0}))
+
+
+class _DropsOne(Search):
+    """A search to which one of several effects is never needed."""
+
+    def drop(self, chain):
+        return chain[:1]
 
 
 @pytest.mark.parametrize(
-    ("what", "instead_of_it"),
-    [("ENOUGH_SHARE", 2.0), ("reviewed", lambda steps, *_: steps[:1])],
+    "change",
+    [_asking_for_more, lambda search: _DropsOne(search.tables, search.rule, search.most)],
     ids=["all but nearly all", "one is not needed"],
 )
-def test_a_name_comes_in_only_with_nearly_all_explained_and_both_needed(
-    two, monkeypatch, what, instead_of_it
-):
+def test_a_name_comes_in_only_with_nearly_all_explained_and_both_needed(two, change):
     """The same rounds as above, with a share that cannot be had, or with a review that drops one."""
-    monkeypatch.setattr(f"frictionjax.diagnosis.selection.swap.{what}", instead_of_it)
-    assert _instead(two, "pendulum", "lag", ["load"]) is None
+    assert _instead(two, "pendulum", "lag", ["load"], change)[0] is None

@@ -19,10 +19,12 @@ from helpers_estimation import (
 from helpers_plants import effect
 from scipy.stats import binom
 
+from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.refitting.shortlist import short_list
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import _score_test, forms_to_try, try_form
-from frictionjax.diagnosis.selection.decide import SIGNIFICANCE, effect_p_values
+from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import make_joint
@@ -80,6 +82,10 @@ def test_many_tries_of_one_effect_are_paid_for():
     assert effect_p_values(trials) == pytest.approx({"a": 0.02, "b": 1.0})
 
 
+SIGNIFICANCE = Rule().accept.significance
+GAIN = Effort(screening=Screening(least_gain=0.002))
+
+
 def test_the_short_list_holds_the_best_of_each_form():
     trials = [
         _trial("a", 1.0, gain=0.10, form="A"),
@@ -90,12 +96,12 @@ def test_the_short_list_holds_the_best_of_each_form():
         _trial("e", 1.0, gain=0.02, form="E"),
         _trial("f", 1.0, gain=-np.inf, linear=2.0, form="F"),
     ]
-    chosen = short_list(trials, most=4, least_gain=0.002)
+    chosen = short_list(trials, most=4, effort=GAIN)
     # d by its linear gain. That of f is larger, but its trajectory was lost.
     assert [(t.effect, t.gain) for t in chosen] == [("a", 0.10), ("b", 0.05), ("e", 0.02), ("d", 0.0001)]
-    assert [t.effect for t in short_list(trials, most=2, least_gain=0.002)] == ["a", "b", "d"]
-    assert short_list(trials, most=4, least_gain=0.2) == []
-    assert short_list([], most=4, least_gain=0.0) == []
+    assert [t.effect for t in short_list(trials, most=2, effort=GAIN)] == ["a", "b", "d"]
+    assert short_list(trials, most=4, effort=Effort(screening=Screening(least_gain=0.2))) == []
+    assert short_list([], most=4) == []
 
 
 def test_what_is_easily_taken_for_the_leader_is_refitted_with_it():
@@ -106,7 +112,7 @@ def test_what_is_easily_taken_for_the_leader_is_refitted_with_it():
         _trial("d", 1.0, gain=0.001, linear=0.1, form="D"),
         _trial("e", 1.0, gain=0.001, linear=0.1, form="E"),
     ]
-    assert [t.effect for t in short_list(trials, most=2, least_gain=0.002)] == ["a", "b", "c", "d"]
+    assert [t.effect for t in short_list(trials, most=2, effort=GAIN)] == ["a", "b", "c", "d"]
 
 
 def test_far_from_the_noise_promises_are_tried_although_no_step_gains():
@@ -114,8 +120,8 @@ def test_far_from_the_noise_promises_are_tried_although_no_step_gains():
         _trial("a", 1.0, gain=-0.1, linear=0.3, form="A"),
         _trial("b", 1.0, gain=-0.2, linear=0.5, form="B"),
     ]
-    assert short_list(trials, most=3, least_gain=0.002) == []
-    far = short_list(trials, most=3, least_gain=0.002, far=True)
+    assert short_list(trials, most=3, effort=GAIN) == []
+    far = short_list(trials, most=3, far=True, effort=GAIN)
     assert [t.effect for t in far] == ["b", "a"]
 
 

@@ -13,8 +13,10 @@ from helpers_plants import effect
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.refitting.refit import refit_all, uncoupled
-from frictionjax.diagnosis.refitting.shortlist import hidden_in_the_base
+from frictionjax.diagnosis.refitting.descents import uncoupled
+from frictionjax.diagnosis.refitting.refit import Hints, refit_all
+from frictionjax.diagnosis.refitting.shortlist import absorbed_by_base
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import make_batch
@@ -51,16 +53,16 @@ def _masked(form, absorbed, shown):
     return SimpleNamespace(form=type(form, (), {})(), absorbed=absorbed, shown=shown)
 
 
-def test_what_would_show_and_can_be_undone_is_hidden_in_the_base():
+def test_what_would_show_and_can_be_undone_is_absorbed_by_base():
     trials = [
         _masked("Plain", 0.95, 2.0),
         _masked("Plain", 0.97, 3.0),
         _masked("TooSmall", 0.99, 0.5),
         _masked("Shows", 0.85, 50.0),
     ]
-    assert hidden_in_the_base(trials) == [trials[1]]
+    assert absorbed_by_base(trials) == [trials[1]]
     many = [_masked(f"Form{k}", 0.91 + 0.01 * k, 2.0) for k in range(8)]
-    assert [t.absorbed for t in hidden_in_the_base(many)] == pytest.approx([0.98, 0.97, 0.96, 0.95, 0.94])
+    assert [t.absorbed for t in absorbed_by_base(many)] == pytest.approx([0.98, 0.97, 0.96, 0.95, 0.94])
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +98,7 @@ def test_what_is_periodic_is_seen_to_repeat(driven, name):
     def seen(waves, *others):
         effects = (*(effect(other) for other in others), effect(name, period=np.ptp(x) / waves))
         after = eqx.tree_at(lambda j: j.drive, judged, judged.drive.with_effects(*effects))
-        return compare(judged, after, floor).repeats
+        return compare(judged, after, floor).gains(Rule()).repeats
 
     for waves, alone, beside in ((0.9, False, False), (1.1, True, False), (2.1, True, True)):
         assert seen(waves) == seen(waves, "LoadDependence") == alone
@@ -119,9 +121,9 @@ def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driv
     model, scales, _, tried = driven
     assert float(model.judgement.drive.J) > 1.08 * float(PLANT.J)
     other = max(tried["delay"], key=lambda t: t.gain)
-    absorbed = hidden_in_the_base(tried["load_dependence"])
+    absorbed = absorbed_by_base(tried["load_dependence"])
     with ThreadPoolExecutor(1) as executor:
-        found = refit_all([other], model, scales, executor, None, absorbed)
+        found = refit_all([other], model, scales, executor, Hints(absorbed=absorbed))
     best = min(found, key=lambda r: r.model.fitted.misfit)
     assert best.effect == "load_dependence"
     assert float(best.model.judgement.drive.effects[-1].growth) == pytest.approx(GROWTH, rel=0.02)

@@ -1,33 +1,30 @@
 """Review: each of several effects is needed beside the others; two of one size are found though neither is alone."""
 
 import dataclasses
+import json
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
-from helpers_selection import LAG, SILENT, a_round, converged, pushes, with_effect, world
+from helpers_selection import LAG, Bench, converged, pushes, with_effect, world
 
 from frictionjax.core import silent
-from frictionjax.diagnosis.evidence.comparison import compare
-from frictionjax.diagnosis.evidence.judgement import ADEQUATE_MISFIT
-from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
-from frictionjax.diagnosis.refitting.refitted import Refitted
-from frictionjax.diagnosis.selection import select as selection
-from frictionjax.diagnosis.selection.moves import (
-    nearly_all,
-    only_what_ends_it,
-    reviewed,
-    superfluous,
-    tentative,
-    with_some,
-)
-from frictionjax.diagnosis.selection.select import select, together
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import best_clear, nearly_all, only_complete
+from frictionjax.diagnosis.selection.refitted_tables import fitted_to_all, with_some
+from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.selection.search import decide
+from frictionjax.diagnosis.selection.select import select
+from frictionjax.diagnosis.selection.stored_tables import StoredTables
+from frictionjax.diagnosis.table import Lead, table_json, table_of
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.physics import Drive, catalogue
+
+RULE = Rule()
+ADEQUATE = RULE.limits.adequate
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +58,8 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     joint, vector = make_joint(wrong, batch, np.array([False, True, False, True]))
     model = converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
     floor = np.ones_like(model.judgement.power)
-    assert not model.judgement.within(floor, ADEQUATE_MISFIT)[1]
-    assert together(model, floor) == (not effects)
+    assert not model.judgement.within(floor, ADEQUATE)[1]
+    assert all(fitted_to_all(model).judgement.within(floor, ADEQUATE)) == (not effects)
 
 
 def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
@@ -79,85 +76,73 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
 
 
 def test_both_effects_that_are_there_stay(two):
-    base, scales = two
-    first = with_effect(base, "load", scales)
-    second = with_effect(first, "lag", scales)
-    steps = [a_round(base, first, "load"), a_round(first, second, "lag")]
-    assert max(second.judgement.misfits(steps[-1].floor)) < ADEQUATE_MISFIT
-    assert superfluous(steps, scales) is None
-    assert reviewed(steps, scales, answer_to_force(base.joint, base.fitted.vector)) is steps
-    assert nearly_all(steps)
+    bench = Bench(*two)
+    chain = bench.chain("load", "lag")
+    assert max(chain[-1].row.misfits_after) < ADEQUATE
+    assert bench.search.superfluous(chain) is None
+    assert bench.search.drop(chain) is chain
+    assert nearly_all(bench.tables.whole(chain), RULE)
 
 
 def test_an_effect_that_is_not_there_goes(one):
     """Accepted before the true one, it is not needed beside it."""
-    base, scales = one
-    first = with_effect(base, "load", scales)
-    second = with_effect(first, "lag", scales)
-    steps = [a_round(base, first, "load"), a_round(first, second, "lag")]
-    found = superfluous(steps, scales)
-    assert found is not None
-    assert found[0] == 0
-    fewer = reviewed(steps, scales, answer_to_force(base.joint, base.fitted.vector))
-    assert [step.accepted.effect for step in fewer] == ["drive_lag"]
-    assert fewer[0].before is base
-    layout = fewer[0].accepted.model.joint.layout
+    bench = Bench(*one)
+    chain = bench.chain("load", "lag")
+    assert bench.search.superfluous(chain) == 0
+    fewer = bench.search.drop(chain)
+    assert [found.row.effect for found in fewer] == ["drive_lag"]
+    assert bench.tables.step(fewer[0]).before is one[0]
+    layout = bench.model(fewer[0]).joint.layout
     assert [free.label for free in layout if free.path.startswith("effects.")] == ["time_constant"]
+
+
+def _row(row, share_fit, share_held, **more):
+    """The same comparison with these shares of the misfit."""
+    shares = (share_fit, share_held)
+    left = tuple(whole * (1.0 - share) for whole, share in zip(row.misfits_before, shares, strict=True))
+    return dataclasses.replace(row, misfits_after=left, **more)
 
 
 def test_after_nearly_all_only_what_ends_it_is_named(two):
     """A round beyond nearly all: what explains 90 % of the rest stays, what explains two thirds of it goes."""
-    base, scales = two
-    step = a_round(base, with_effect(base, "load", scales), "load")
+    (found,) = Bench(*two).chain("load")
     for share, stays in ((0.9, True), (0.65, False)):
-        own = dataclasses.replace(step.compared[0], share_fit=0.95, share_holdout=share)
-        found = only_what_ends_it(dataclasses.replace(step, compared=[own]))
-        assert (found.accepted is not None) == stays
-        assert bool(found.dropped) != stays
-    nothing = dataclasses.replace(step, accepted=None)
-    assert only_what_ends_it(nothing) is nothing
+        table = dataclasses.replace(found.table, rows=(_row(found.row, 0.95, share),))
+        after = only_complete(Round(table, 0), RULE)
+        assert (after.accepted is not None) == stays
+        assert bool(after.dropped) != stays
+    nothing = Round(found.table, None)
+    assert only_complete(nothing, RULE) is nothing
 
 
 def test_what_leads_is_tried_with_another_although_it_explains_too_little(two):
-    base, scales = two
-    first = with_effect(base, "load", scales)
-    step = a_round(base, first, "load")
-    refused = dataclasses.replace(step, accepted=None)
-    begun = tentative(refused)
-    assert begun is not None
-    assert begun.accepted is refused.refits[0]
+    (found,) = Bench(*two).chain("load")
+    assert best_clear(found.table, RULE) == 0
     # Not what chance does, nor what promises next to nothing, nor where there is nothing.
-    nothing = compare(base.judgement, base.judgement, step.floor)
-    for other in ({"compared": [nothing]}, {"refits": [], "compared": []}):
-        assert tentative(dataclasses.replace(refused, **other)) is None
-    assert tentative(step) is None  # one is accepted
+    for rows in ((), (_row(found.row, 0.0, 0.0),), (_row(found.row, 0.05, 0.05),)):
+        assert best_clear(dataclasses.replace(found.table, rows=rows), RULE) is None
     # What leads may be chance; then the next that is clear begins.
-    clear = dataclasses.replace(refused.compared[0], share_fit=0.6, share_holdout=0.3)
-    rest = {"lead_fit": 2.0, "lead_holdout": 1.0}
-    chance = dataclasses.replace(refused.compared[0], share_fit=0.5, share_holdout=0.9, **rest)
-    other = Refitted(SimpleNamespace(effect=LAG.name, form=SILENT["lag"], p_value=0.2), first)
-    doubtful = dataclasses.replace(
-        refused,
-        trials=[*refused.trials, other.trial],
-        refits=[other, *refused.refits],
-        compared=[chance, clear],
-    )
-    begun = tentative(doubtful)
-    assert begun is not None
-    assert begun.accepted is refused.refits[0]
+    chance = _row(found.row, 0.5, 0.9, p_value=0.2, fit=Lead(2.0, 1.0, 9), held_out=Lead(1.0, 1.0, 9))
+    assert chance.gains(RULE).worth > _row(found.row, 0.6, 0.3).gains(RULE).worth
+    rows = (chance, _row(found.row, 0.6, 0.3))
+    assert best_clear(dataclasses.replace(found.table, rows=rows), RULE) == 1
 
 
-def test_two_effects_of_one_size_are_found(two, monkeypatch):
+def test_two_effects_of_one_size_are_found(two):
     """Neither may be named alone."""
     base, _ = two
-    forms = {name: catalogue()[name] for name in ("constant_load", "drive_lag", "return_spring")}
-    monkeypatch.setattr(selection, "catalogue", lambda: forms)
+    without = frozenset(catalogue()) - {"constant_load", "drive_lag", "return_spring"}
     with ThreadPoolExecutor(2) as executor:
-        steps = select(base, executor, silent)
-    alone = [step for step in steps if step.accepted is not None]
-    assert {step.accepted.effect for step in alone} == {"constant_load", "drive_lag"}
+        found = select(base, executor, silent, without=without)
+    assert set(found.decision.names) == {"constant_load", "drive_lag"}
+    alone = [step for step in found.steps if step.accepted is not None]
     drive = alone[-1].accepted.model.judgement.drive
     sizes = {type(e).__name__: e for e in drive.effects}
     assert float(sizes["ConstantLoad"].load) == pytest.approx(0.007, rel=0.05)
     assert float(sizes["DriveLag"].time_constant) == pytest.approx(3e-5, rel=0.05)
     assert jnp.all(jnp.isfinite(alone[-1].accepted.model.fitted.vector))
+    # What was stored decides the same, without a model.
+    stored = [table_of(json.loads(json.dumps(table_json(table)))) for table in found.tables]
+    again = decide(StoredTables(stored, RULE, RULE), RULE, 3)
+    for part in ("names", "classes", "verdict", "remains", "share", "evidence"):
+        assert getattr(again, part) == getattr(found.decision, part)

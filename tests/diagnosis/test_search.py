@@ -12,8 +12,9 @@ from helpers_plants import effect
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import scatter
-from frictionjax.diagnosis.refitting import refit
-from frictionjax.diagnosis.refitting.backlash_search import load_ratio, searched, told
+from frictionjax.diagnosis.refitting.backlash_search import load_ratio, search_backlash, without_chaos
+from frictionjax.diagnosis.refitting.refit import Hints, refit_all
+from frictionjax.diagnosis.refitting.refitted import polish
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation import starting_values
@@ -85,7 +86,7 @@ def test_what_stick_lacks_of_the_inertia_is_the_load(behind_a_gap):
 def test_no_fit_sees_what_is_chaotic(behind_a_gap):
     rigid, start, joint, vector = behind_a_gap
     true = _at(joint, vector, TRUE | {"drag": DRAG})
-    kept = told(joint, true)
+    kept = without_chaos(joint, true)
     blocks = np.asarray(kept.weights[0]).reshape(joint.batch.block_count.shape)
     scored = np.asarray(joint.batch.block_count) > 0
     left = [np.mean(row[own]) for row, own in zip(blocks, scored, strict=True)]
@@ -93,10 +94,10 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
     # Everything is judged as before, and what was left out moves nothing.
     np.testing.assert_array_equal(kept.powers([true])[0], joint.powers([true])[0])
     before, after = kept.near(true), joint.near(true)
-    lost = losses_of(np.asarray(after.power), joint.batch)[blocks == 0.0].sum()
+    lost = losses_of(np.asarray(after.powers[0]), joint.batch)[blocks == 0.0].sum()
     assert lost > 0.0 and float(before.cost) == pytest.approx(float(after.cost) - lost)
     # A rigid machine answers to the force by less than its noise everywhere.
-    whole = told(rigid, start)
+    whole = without_chaos(rigid, start)
     np.testing.assert_array_equal(whole.weights[0], rigid.weights[0])
 
 
@@ -106,7 +107,7 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
 def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge):
     """From starts that differ by rounding alone, too."""
     joint, vector = behind_a_gap[2:]
-    found = searched(joint, vector + nudge, DEFLECTION, TRUE["ratio"])
+    found = search_backlash(joint, vector + nudge, DEFLECTION, TRUE["ratio"])
     assert found is not None
     side = joint.drive_of(found).load_side
     assert side is not None
@@ -114,7 +115,7 @@ def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge)
     assert 2.0 * float(side.half_gap) == pytest.approx(TRUE["gap"], rel=0.3)
     assert float(side.drag) == pytest.approx(DRAG, rel=0.3)
     # In all blocks even the truth leaves half: what is chaotic. Where it is not, most of the cost is the missing gap.
-    kept = told(joint, _at(joint, vector, TRUE | {"drag": DRAG}))
+    kept = without_chaos(joint, _at(joint, vector, TRUE | {"drag": DRAG}))
     assert kept.near(found).cost < 0.4 * kept.near(_at(joint, vector, {"ratio": 1e-6})).cost
 
 
@@ -123,7 +124,7 @@ def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge)
 )
 def test_a_search_without_a_ratio_tries_some(behind_a_gap, nudge):
     joint, vector = behind_a_gap[2:]
-    found = searched(joint, vector + nudge, DEFLECTION, None)
+    found = search_backlash(joint, vector + nudge, DEFLECTION, None)
     assert found is not None
     side = joint.drive_of(found).load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
@@ -132,15 +133,15 @@ def test_a_search_without_a_ratio_tries_some(behind_a_gap, nudge):
 def test_a_search_is_given_up_where_no_gap_helps(behind_a_gap):
     """A load that only pushes is no gap; and without sliding nothing tells of one."""
     joint, vector = behind_a_gap[2:]
-    stick = eqx.tree_at(lambda j: j.fitted, joint, jnp.array([1.0, 0.0, 0.0, 0.0]))
-    assert searched(stick, vector, DEFLECTION, 0.3) is None
+    stick = eqx.tree_at(lambda j: j.fitted, joint, (jnp.array([1.0, 0.0, 0.0, 0.0]),))
+    assert search_backlash(stick, vector, DEFLECTION, 0.3) is None
     pushed = PLANT.with_effects(effect("ConstantLoad", load=0.1 * float(PLANT.friction.Fc)))
     batch = make_batch(experiment(drive=pushed), encoder_step=FINE)
     other, begin = make_joint(PLANT, batch, np.zeros(4, bool))
     fitted = descend(other, begin)
     assert fitted.misfit > 0.1
     other, vector = extend(other, fitted.vector, effect("Backlash"), plant_scales(PLANT, batch))
-    assert searched(other, vector, DEFLECTION, 0.3) is None
+    assert search_backlash(other, vector, DEFLECTION, 0.3) is None
 
 
 def test_runs_with_a_gap_part_by_more_than_the_force_that_sets_them_apart(behind_a_gap):
@@ -169,17 +170,16 @@ def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
 
     gap, other = best("backlash"), best("quadratic_drag")
     with ThreadPoolExecutor(1) as executor:
-        refits = refit.refit_all(
+        refits = refit_all(
             [gap] if tested else [other],
             model,
             scales,
             executor,
-            hanging=[gap],
-            stick_inertia=0.7 * float(PLANT.J),
+            Hints(gaps=[gap], stick_inertia=0.7 * float(PLANT.J)),
         )
-        without = refit.refit_all([other], model, scales, executor, hanging=[gap], stick_inertia=None)
-    found = next(refit.polish(r) for r in refits if r.effect == "backlash")
-    # Untold by stick, it is searched only if the fit itself ended at another inertia than it began with.
+        without = refit_all([other], model, scales, executor, Hints(gaps=[gap]))
+    found = next(polish(r) for r in refits if r.effect == "backlash")
+    # Where stick does not show it, it is searched only if the fit itself ended at another inertia than it began with.
     alone = load_ratio(rigid, fitted.vector, None) is not None
     assert any(r.effect == "backlash" for r in without) == alone
     # Of all blocks chaos leaves more than half, with or without a search. In those that the fit sees the gap tells.

@@ -8,8 +8,8 @@ from helpers_estimation import FINE, NOISE, PLANT, base_fit, experiment
 from helpers_plants import effect
 
 import frictionjax as fj
-from frictionjax.diagnosis.evidence.judgement import ADEQUATE_MISFIT
 from frictionjax.diagnosis.evidence.step_length import MOST, steps_needed, with_steps
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
@@ -43,8 +43,8 @@ def test_as_many_steps_as_make_the_error_of_the_integration_pass_for_noise(quiet
     steps = steps_needed(joint, vector)
     assert 1 < steps <= MOST
     one, enough, finest = (with_steps(joint, n).misfits([vector])[0] for n in (1, steps, 16))
-    assert one - finest > ADEQUATE_MISFIT
-    assert abs(enough - finest) < ADEQUATE_MISFIT
+    assert one - finest > Rule().limits.adequate
+    assert abs(enough - finest) < Rule().limits.adequate
 
 
 def test_blocks_that_no_fit_sees_ask_for_no_steps(quiet):
@@ -110,7 +110,7 @@ def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
     start = fj.Drive(J=0.1, friction=fj.LuGre(sigma0=1000.0, sigma1=5.0, sigma2=0.02, Fc=1.0, Fs=1.8, vs=0.1))
     found = base_fit((start,), recordings, encoder_step=noise)
     drive = found.joint.drive_of(found.fitted.vector)
-    assert found.fitted.misfit < ADEQUATE_MISFIT
+    assert found.fitted.misfit < Rule().limits.adequate
     for name in ("sigma0", "sigma1", "Fc", "Fs"):
         np.testing.assert_allclose(getattr(drive.friction, name), getattr(friction, name), rtol=0.02)
     np.testing.assert_allclose(drive.J, 0.0825, rtol=0.01)

@@ -44,7 +44,7 @@ def test_a_bump_along_the_stroke_is_mapped_and_predicts_what_was_kept_aside():
         found = residual_model(base, np.ones((1, 1)), executor)
     assert found is not None and found.helps
     assert found.variable == "position (friction level)"
-    assert found.compared.share_fit > 0.5 and found.compared.share_holdout > 0.3
+    assert found.gains.share_fit > 0.5 and found.gains.share_holdout > 0.3
     shape = found.model.judgement.drive.effects[-1]
     x = np.linspace(0.0, 0.1, 201)
     # What the base model may take over itself: a level that is the same everywhere.

@@ -1,6 +1,5 @@
 """The verdict: when a candidate may be named, what is said of it, and in which words."""
 
-import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +10,14 @@ from helpers_plants import TABLE_I
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.diagnose import _missing, _unexplained
-from frictionjax.diagnosis.evidence.comparison import Compared
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import acceptable
 from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, evidence_of
-from frictionjax.diagnosis.selection.decide import LEAST_SHARE, SIGNIFICANCE, acceptable
+from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import most_left, verdict_of
+from frictionjax.diagnosis.table import Comparison, Lead, Table
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
@@ -26,65 +27,65 @@ BINS = (
     MismatchBin("regime", "stick", 0.2, 2.0, 1.05, 5000),
     MismatchBin("regime", "sliding", 0.8, 30.0, 1.2, 9000),
 )
-FLOOR = np.ones((1, 1))
+RULE = Rule()
+ADEQUATE, LEAST_SHARE, SIGNIFICANCE = (
+    RULE.limits.adequate,
+    RULE.accept.least_share,
+    RULE.accept.significance,
+)
 
 
-def _judged(fit, holdout=None, chance=0.0):
-    """A judgement with these misfits against any floor, to which `chance` may add so much."""
-    misfits = (fit, fit if holdout is None else holdout)
-    return SimpleNamespace(
-        misfits=lambda floor: misfits,
-        within=lambda floor, most: (misfits[0] < most + chance, misfits[1] < most + chance),
-        misfit_errors=lambda: (0.0, 0.0),
-        power=2.0 * np.exp(2.0 * np.array(misfits))[:, None] - 1.0,
-        held_out=np.array([False, True]),
-        batch=SimpleNamespace(block_count=np.ones((2, 1))),
+def _row(
+    shares=(0.0, 0.0), *, before=(0.4, 0.4), energies=(0.0, 0.0), leads=(3.0, 3.0), p_value=1e-6, **more
+):
+    """A candidate that explains these `shares` of the misfits `before`, on fitted and on held-out recordings."""
+    whole = [max(misfit, ADEQUATE if max(before) > ADEQUATE else 0.0) for misfit in before]
+    after = tuple(misfit * (1.0 - share) for misfit, share in zip(whole, shares, strict=True))
+    fit, held = (Lead(lead, 1.0, 100) for lead in leads)
+    known = {"before": (), "after": ("Form",), "effect": "effect 0", "form": "Form", "exact": (False,)}
+    known |= {"misfit_errors": (0.0, 0.0), "energies": energies, "fit": fit, "held_out": held}
+    return Comparison(misfits_before=before, misfits_after=after, p_value=p_value, **(known | more))
+
+
+def _table(*rows, misfits=(0.4, 0.4), **more):
+    return Table("t0", ("candidates", "0"), (), misfits, (0.0, 0.0), False, rows, **more)
+
+
+def _verdict(before, *after, one_law=False, **more):
+    """The verdict on rounds each of which accepts a model with the next misfits, and the last nothing; what is accepted
+    has `one_law`, or not."""
+    if not after:
+        return verdict_of([Round(_table(misfits=before), None, **more)], None)
+    whole = Comparison(
+        before=(),
+        after=("Form",) * len(after),
+        effect="",
+        form="",
+        exact=(one_law,) * len(after),
+        misfits_before=before,
+        misfits_after=after[-1],
+        misfit_errors=(0.0, 0.0),
+        energies=(0.95, 0.96),
+        fit=Lead(9.0, 1.0, 100),
+        held_out=Lead(9.0, 1.0, 100),
     )
-
-
-def _steps(before, *after, one_law=False):
-    """Rounds of a selection: each accepts the next judgement, and the last one nothing; of what is accepted there is
-    `one_law`, or not."""
-    form = SimpleNamespace(about=SimpleNamespace(one_law=one_law))
-    ends = [before, *after]
-    steps = []
-    for number, (one, other) in enumerate(itertools.pairwise(ends)):
-        accepted = SimpleNamespace(
-            effect=f"effect {number}",
-            model=SimpleNamespace(judgement=other),
-            trial=SimpleNamespace(form=form),
-        )
-        shares = [1.0 - new / old for old, new in zip(one.misfits(FLOOR), other.misfits(FLOOR), strict=True)]
-        steps.append(
-            SimpleNamespace(
-                before=SimpleNamespace(judgement=one),
-                floor=FLOOR,
-                accepted=accepted,
-                together=False,
-                refits=[accepted],
-                compared=[_compared(*shares)],
-            )
-        )
-    last = SimpleNamespace(
-        before=SimpleNamespace(judgement=ends[-1]), floor=FLOOR, accepted=None, together=False
-    )
-    return [*steps, last]
+    return verdict_of([Round(_table(_row()), 0)], whole)
 
 
 def test_a_base_model_at_the_noise_is_adequate():
-    assert verdict_of(_steps(_judged(0.004))) == ("adequate", (False, 0.0))
+    assert _verdict((0.004, 0.004)) == ("adequate", (False, 0.0))
     assert _unexplained("adequate", (False, 0.0), BINS, None) == Unexplained(False, 0.0, "")
 
 
 def test_what_explains_nearly_all_is_named():
-    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.004, 0.006)))
+    verdict, left = _verdict((0.4, 0.3), (0.004, 0.006))
     assert verdict == "named"
     assert left == (False, pytest.approx(0.02))
     assert _unexplained(verdict, left, BINS, None).where == ""
 
 
 def test_what_explains_most_is_named_and_the_rest_is_told():
-    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.04, 0.06)))
+    verdict, left = _verdict((0.4, 0.3), (0.04, 0.06))
     assert verdict == "named"
     assert left == (True, pytest.approx(0.2))
     assert _unexplained(verdict, left, BINS, None).where == "sliding"
@@ -93,7 +94,7 @@ def test_what_explains_most_is_named_and_the_rest_is_told():
 @pytest.mark.parametrize(("left", "verdict"), [(0.075, "named"), (0.105, "unknown")])
 def test_what_explains_two_thirds_is_no_name(left, verdict):
     """On the held-out recordings: 75 % of their misfit, or 65 %."""
-    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left)))
+    found, rest = _verdict((0.4, 0.3), (0.02, left))
     assert found == verdict
     assert rest == (True, pytest.approx(left / 0.3))
 
@@ -101,7 +102,7 @@ def test_what_explains_two_thirds_is_no_name(left, verdict):
 @pytest.mark.parametrize(("left", "verdict"), [(0.027, "named"), (0.033, "unknown")])
 def test_where_there_is_one_law_a_tenth_is_something_else(left, verdict):
     """A delay is a delay: what it leaves is not its form."""
-    found, rest = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.02, left), one_law=True))
+    found, rest = _verdict((0.4, 0.3), (0.02, left), one_law=True)
     assert found == verdict
     assert rest == (True, pytest.approx(left / 0.3))
 
@@ -110,76 +111,77 @@ def test_where_there_is_one_law_a_tenth_is_something_else(left, verdict):
 def test_two_effects_must_leave_less_than_one(one_law, left):
     """They have more ways to stand in for another."""
     for beyond, verdict in ((0.99, "named"), (1.01, "unknown")):
-        steps = _steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.0, beyond * left), one_law=one_law)
-        assert verdict_of(steps)[0] == verdict
+        found = _verdict((0.4, 0.3), (0.2, 0.14), (0.0, beyond * left), one_law=one_law)
+        assert found[0] == verdict
 
 
 def test_one_of_many_laws_among_several_allows_for_its_form():
     """A delay beside a creep."""
-    forms = catalogue()
-    delay, creep = forms["delay"][0](), forms["creep"][0]()
+    delay, creep = (catalogue()[name][0].about.one_law for name in ("delay", "creep"))
     assert most_left([delay]) < most_left([creep])
     assert most_left([delay, creep]) == most_left([creep, creep]) > most_left([delay, delay])
 
 
 def test_two_effects_explain_together():
-    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.14), _judged(0.004)))
+    verdict, left = _verdict((0.4, 0.3), (0.2, 0.14), (0.004, 0.004))
     assert verdict == "named"
     assert left == (False, pytest.approx(0.004 / 0.3))
 
 
 def test_what_brings_held_out_recordings_to_the_noise_is_significant():
     """Two seconds of fast motion in a minute have few clusters to be tested in."""
-    weak = 10.0 * SIGNIFICANCE
-    assert acceptable(_compared(0.9, 0.95), _judged(0.05), FLOOR, weak)[0]
-    assert acceptable(_compared(0.5, 0.95), _judged(0.002, 0.05), FLOOR, weak)[0]
+    weak = {"p_value": 10.0 * SIGNIFICANCE, "leads": (0.5, 0.5)}
+
+    def may(fit, held, before=(0.05, 0.05), **more):
+        return acceptable(_row((fit, held), before=before, **weak, **more), RULE)[0]
+
+    assert may(0.9, 0.95)
+    assert may(0.5, 0.95, (0.002, 0.05))
     # Most of the way is enough, too.
-    assert acceptable(_compared(0.9, 0.65), _judged(0.05), FLOOR, weak)[0]
+    assert may(0.9, 0.65)
     # Not what leaves much, nor what only the fitted recordings show.
     for shares in ((0.9, 0.55), (0.55, 0.7)):
-        assert not acceptable(_compared(*shares), _judged(0.05), FLOOR, weak)[0]
-    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.005), FLOOR, weak)[0]
+        assert not may(*shares)
+    assert not may(0.95, 0.9, (0.05, 0.005))
     # Nor what chance may have raised above the noise in a short recording.
-    assert acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018), FLOOR, weak)[0]
-    assert not acceptable(_compared(0.95, 0.9), _judged(0.05, 0.018, chance=0.01), FLOOR, weak)[0]
+    assert may(0.95, 0.9, (0.05, 0.018))
+    assert not may(0.95, 0.9, (0.05, 0.018), misfit_errors=(0.01, 0.01))
 
 
 @pytest.mark.parametrize("p_value", [1e-9, 1.0])
 def test_what_the_fitted_recordings_do_not_ask_for_is_not_named(p_value):
     """Of a misfit below the floor a share is no number to go by: held-out recordings alone would name it."""
-    before, shares = _judged(-0.0076, 0.063), (1.73, 0.83)
-    assert acceptable(_compared(*shares, leads=(2.1, 3.0)), before, FLOOR, p_value)[0]
-    may, why = acceptable(_compared(*shares, leads=(-2.1, 3.0)), before, FLOOR, p_value)
+    shares, known = (1.73, 0.83), {"before": (-0.0076, 0.063), "p_value": p_value}
+    assert acceptable(_row(shares, leads=(2.1, 3.0), **known), RULE)[0]
+    may, why = acceptable(_row(shares, leads=(-2.1, 3.0), **known), RULE)
     assert not may and "fitted" in why
 
 
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
-    verdict, left = verdict_of(_steps(_judged(0.4, 0.3), _judged(0.01, holdout)))
+    verdict, left = _verdict((0.4, 0.3), (0.01, holdout))
     assert verdict == "unknown"
     assert left == (True, pytest.approx(min(holdout / 0.3, 1.0)))
 
 
 def test_nothing_accepted_is_unknown():
-    verdict, left = verdict_of(_steps(_judged(0.4, 0.3)))
+    verdict, left = _verdict((0.4, 0.3))
     assert verdict == "unknown"
     assert _unexplained(verdict, left, BINS, None) == Unexplained(True, 1.0, "sliding")
 
 
 def test_a_parameter_that_was_left_open_is_no_missing_physics():
     """The fitted recordings are at the noise, the others are not, and one set of parameters predicts all."""
-    steps = _steps(_judged(0.002, 0.3))
-    steps[0].together = True
-    assert verdict_of(steps) == ("adequate", (False, 0.0))
+    assert _verdict((0.002, 0.3), together=True) == ("adequate", (False, 0.0))
 
 
 def test_held_out_recordings_alone_can_tell_that_something_is_missing():
-    assert verdict_of(_steps(_judged(0.002, 0.3)))[0] == "unknown"
+    assert _verdict((0.002, 0.3))[0] == "unknown"
 
 
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
-    residual = SimpleNamespace(variable="velocity", helps=helps, compared=_compared(0.5, 0.4))
+    residual = SimpleNamespace(variable="velocity", helps=helps, gains=_row((0.5, 0.4)).gains(RULE))
     found = _unexplained("unknown", (True, 1.0), BINS, residual)
     if helps:
         assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
@@ -187,17 +189,19 @@ def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
         assert found == Unexplained(True, 1.0, "sliding")
 
 
-def _compared(share_fit, share_holdout, energy_fit=0.0, energy_holdout=0.0, leads=(3.0, 3.0), repeats=True):
-    return Compared(share_fit, share_holdout, energy_fit, energy_holdout, *leads, repeats)
-
-
 def test_evidence_of_two_effects():
     """The whole, and each effect where it was found."""
-    first, second = evidence_of(_steps(_judged(0.4, 0.3), _judged(0.2, 0.12), _judged(0.02, 0.03)))
-    assert first.whole == second.whole == pytest.approx(0.9)
-    assert first.own == pytest.approx(0.5) and second.own == pytest.approx(0.75)
-    assert first.energy == second.energy > 0.9
-    assert first.lead == pytest.approx(0.5 + 0.6) and second.lead == pytest.approx(0.9 + 0.75)
+    first = _row((0.5, 0.6), before=(0.4, 0.3))
+    second = _row((0.9, 0.75), before=(0.2, 0.12))
+    other = _row((0.2, 0.1), before=(0.2, 0.12), effect="another")
+    whole = _row((0.95, 0.9), before=(0.4, 0.3), energies=(0.97, 0.92))
+    chain = [Round(_table(first), 0), Round(_table(other, second), 1), Round(_table(), None)]
+    one, two = evidence_of(chain, whole)
+    assert one.whole == two.whole == pytest.approx(0.9)
+    assert one.own == pytest.approx(0.5) and two.own == pytest.approx(0.75)
+    assert one.energy == two.energy == 0.92
+    assert one.lead == pytest.approx(0.5 + 0.6) and two.lead == pytest.approx(0.9 + 0.75 - 0.3)
+    assert evidence_of(chain[2:], None) == []
 
 
 def test_confidence_is_the_logistic_of_its_features():
@@ -210,38 +214,47 @@ def test_confidence_is_the_logistic_of_its_features():
 
 
 def test_a_candidate_must_explain_fit_and_held_out_recordings():
-    before = _judged(0.4)
-    assert acceptable(_compared(0.9, 0.8), before, FLOOR, 1e-6) == (True, "")
+    assert acceptable(_row((0.9, 0.8)), RULE) == (True, "")
     enough = LEAST_SHARE + 0.01
-    assert acceptable(_compared(enough, enough), before, FLOOR, 1e-6)[0]
+    assert acceptable(_row((enough, enough)), RULE)[0]
     for shares in ((0.9, LEAST_SHARE - 0.01), (LEAST_SHARE - 0.01, 0.9), (0.9, -0.5)):
-        accepted, reason = acceptable(_compared(*shares), before, FLOOR, 1e-6)
+        accepted, reason = acceptable(_row(shares), RULE)
         assert not accepted
         expected = f"({100 * shares[0]:.0f} % on the fit, {100 * shares[1]:.0f} % on the held-out recordings)"
         assert reason == f"explains too little {expected}"
 
 
 def test_a_candidate_must_be_significant():
-    accepted, reason = acceptable(_compared(0.9, 0.55), _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)
-    assert not accepted
-    assert reason == "not significant (p = 0.01)"
+    weak = 10.0 * SIGNIFICANCE
+    assert acceptable(_row((0.9, 0.55), p_value=weak, leads=(3.0, 2.9)), RULE) == (
+        False,
+        "not significant (p = 0.01)",
+    )
     # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
     for leads, enough in (((4.5, 2.5), True), ((3.4, 2.9), True), ((9.0, 1.5), False), ((3.0, 2.5), False)):
-        led = _compared(0.9, 0.55, leads=leads)
-        assert acceptable(led, _judged(0.4), FLOOR, 10.0 * SIGNIFICANCE)[0] == enough
+        assert acceptable(_row((0.9, 0.55), p_value=weak, leads=leads), RULE)[0] == enough
 
 
 def test_what_is_periodic_must_be_seen_to_repeat():
-    refused = acceptable(_compared(0.95, 0.95, repeats=False), _judged(0.4), FLOOR, 1e-9)
-    assert refused == (False, "its period is too long to be seen to repeat along the stroke")
+    for wave, enough in (
+        ((0.9, False), False),
+        ((1.1, False), True),
+        ((1.9, True), False),
+        ((2.1, True), True),
+    ):
+        may, why = acceptable(_row((0.95, 0.95), waves=(wave,)), RULE)
+        assert may == enough
+        assert why == ("" if enough else "its period is too long to be seen to repeat along the stroke")
 
 
 def test_far_from_the_noise_a_share_of_the_power_is_enough():
-    candidate = _compared(0.1, 0.08, energy_fit=0.9, energy_holdout=0.85)
-    assert acceptable(candidate, _judged(2.0, 1.5), FLOOR, 1e-6)[0]
-    assert not acceptable(candidate, _judged(0.4, 1.5), FLOOR, 1e-6)[0]
-    assert not acceptable(_compared(0.1, -0.01, 0.9, 0.85), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
-    assert not acceptable(_compared(0.1, 0.08, 0.9, 0.6), _judged(2.0, 1.5), FLOOR, 1e-6)[0]
+    def may(shares, energies, before=(2.0, 1.5)):
+        return acceptable(_row(shares, energies=energies, before=before), RULE)[0]
+
+    assert may((0.1, 0.08), (0.9, 0.85))
+    assert not may((0.1, 0.08), (0.9, 0.85), (0.4, 1.5))
+    assert not may((0.1, -0.01), (0.9, 0.85))
+    assert not may((0.1, 0.08), (0.9, 0.6))
 
 
 def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure delay between input and force"):
@@ -302,32 +315,28 @@ def _trial(form, **more):
 def _refitted(form):
     """A candidate that was refitted, as `Refitted` would hold it, and its trial."""
     drive, trial = TABLE_I.with_effects(form()), _trial(form)
-    joint = SimpleNamespace(
-        layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), setting=SimpleNamespace(drive=drive)
-    )
-    model = SimpleNamespace(joint=joint, judgement=_judged(0.02))
+    joint = SimpleNamespace(layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), drive=drive)
+    model = SimpleNamespace(joint=joint)
     return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
 
 
 def test_a_missing_effect_carries_its_class_and_its_parameters():
     form = catalogue()["delay"][0]
     accepted, trial = _refitted(form)
-    shares = [_compared(0.9, 0.8)]
-    rest = {"trials": [trial], "refits": [accepted], "compared": shares, "floor": FLOOR}
-    rest["before"] = SimpleNamespace(judgement=_judged(0.4))
+    rest, weights = {"trials": [trial]}, [Evidence(0.9, 0.8, 0.5, 0.95)]
     step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), **rest)
     extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
-    (found,) = _missing([step], extended, "stick", {})
+    (found,) = _missing([step], weights, extended, "stick", {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
     assert found.confidence == pytest.approx(Evidence(*found.evidence).confidence, abs=1e-3)
-    assert found.evidence == evidence_of([step])[0]
+    assert found.evidence == weights[0]
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
     designed = SimpleNamespace(sentence="To distinguish delay from drive_lag: a sine.")
-    assert _missing([step], extended, "stick", {"delay": designed})[0].split_by == designed.sentence
+    assert _missing([step], weights, extended, "stick", {"delay": designed})[0].split_by == designed.sentence
     alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
-    assert _missing([alone], extended, "stick", {})[0].split_by == ""
+    assert _missing([alone], weights, extended, "stick", {})[0].split_by == ""
 
 
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
@@ -347,9 +356,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
         rivals=(),
         trials=trials,
         refits=[accepted, refused],
-        compared=[_compared(0.9, 0.8), _compared(0.2, 0.0)],
-        before=SimpleNamespace(judgement=_judged(0.4)),
-        floor=FLOOR,
+        compared=[_row((0.9, 0.8)), _row((0.2, 0.0))],
         dropped="",
     )
     units = {"force": "N*m", "position": "rad", "input": "V"}
@@ -358,7 +365,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     by_name = {row.effect: row for row in rows}
     assert rows[0].effect == "delay"
     assert by_name["delay"].reason == "named"
-    assert (by_name["delay"].gain_fit, by_name["delay"].gain_holdout) == (0.9, 0.8)
+    assert (by_name["delay"].gain_fit, by_name["delay"].gain_holdout) == pytest.approx((0.9, 0.8))
     assert by_name["constant_load"].reason.startswith("explains too little")
     assert by_name["constant_load"].units == {"load": "N*m"}
     assert by_name["ripple"].reason == "gains nothing"
@@ -369,7 +376,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert by_name["gravity_pendulum"].reason == "the position is no angle"
     # What would have been accepted later, but was not, says why; what is named does not.
     later = SimpleNamespace(
-        **vars(step) | {"accepted": None, "compared": [_compared(0.9, 0.8)] * 2, "dropped": "too late"}
+        **vars(step) | {"accepted": None, "compared": [_row((0.9, 0.8))] * 2, "dropped": "too late"}
     )
     by_name = {row.effect: row for row in candidates([step, later], units, {})}
     assert by_name["constant_load"].reason == "too late"

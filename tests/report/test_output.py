@@ -1,13 +1,16 @@
 """What `save_diagnosis` leaves behind: the contract's files, whole or not at all."""
 
+import dataclasses
 import json
 
 import equinox as eqx
 import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+from helpers_rule import row, table
 
 from frictionjax.core import InputError
+from frictionjax.diagnosis.table import table_of
 from frictionjax.report import check_writable, save, save_diagnosis
 
 HEADER = "t,u,x,free_base,free_extended,predicted_base,predicted_extended,residual_force,residual_force_std"
@@ -103,13 +106,25 @@ def test_csv_holds_the_arrays_to_nine_digits(tmp_path):
         np.testing.assert_allclose(table[name], getattr(recording, name), rtol=6e-9, atol=0)
 
 
+def test_every_comparison_is_written_with_the_rule(tmp_path):
+    found = dataclasses.replace(fake_diagnosis(), comparisons=(table(row(gains_fit=(0.123456789,)), row()),))
+    found.save(tmp_path)
+    content = strict((tmp_path / "comparisons.json").read_text(encoding="utf-8"))
+    assert content["schema"] == "frictionjax.comparisons/1"
+    assert content["rule"]["accept"]["least_share"] == found.rule.accept.least_share
+    assert content["effort"]["rounds"] == found.effort.rounds
+    (stored,) = map(table_of, content["tables"])
+    assert stored.rows[0].gains_fit == (0.123457,)
+    assert stored.rows[1] == found.comparisons[0].rows[1]
+
+
 def test_an_earlier_result_is_replaced_and_other_files_are_left_alone(tmp_path):
     fake_diagnosis().save(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "fit" / "mine.csv").write_text("a,b\n1,2\n")
     adequate_diagnosis().save(tmp_path)
     assert set(listing(tmp_path)) == {
-        *("notes.txt", "verdict.json", "report.html"),
+        *("notes.txt", "verdict.json", "comparisons.json", "report.html"),
         *("fit", "fit/mine.csv", "fit/only.csv"),
     }
     assert strict((tmp_path / "verdict.json").read_text())["case"] == "bench"
@@ -128,7 +143,11 @@ def test_the_report_stands_beside_the_numbers_unless_it_is_not_wanted(tmp_path):
     save_diagnosis(fake_diagnosis(), tmp_path / "deep" / "out")
     assert (tmp_path / "deep" / "out" / "report.html").read_text() == "<title>arm-2024-03</title>"
     save_diagnosis(fake_diagnosis(), tmp_path / "numbers", report=False)
-    assert {path.name for path in (tmp_path / "numbers").iterdir()} == {"verdict.json", "fit"}
+    assert {path.name for path in (tmp_path / "numbers").iterdir()} == {
+        "verdict.json",
+        "comparisons.json",
+        "fit",
+    }
 
 
 @pytest.mark.parametrize("existing", [False, True])

@@ -159,6 +159,7 @@ def fake_diagnosis(*, n: int = 4000, recordings: tuple[RecordingFit, ...] | None
                 24.0,
                 1.1,
                 1e-6,
+                True,
             ),
         ),
     )

@@ -10,11 +10,15 @@ import numpy as np
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
 from helpers_plants import effect
 
-from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.refitting.refitted import Refitted
-from frictionjax.diagnosis.selection.decide import Step
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.candidate_table import Ground
+from frictionjax.diagnosis.selection.refitted_tables import Made, RefittedTables
+from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.selection.search import Search
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
@@ -69,11 +73,46 @@ def with_effect(model, name, scales):
     return _FITTED[key][1]
 
 
-def a_round(before, after, name, p_value=1e-9):
-    """A round that tried one effect and accepted it."""
+def refitted(after, name, p_value=1e-9):
+    """The candidate of this name, whose refit is the model `after`."""
     form = SILENT[name]
-    trial = SimpleNamespace(effect=form.name, form=form, p_value=p_value)
-    refitted = Refitted(trial, after)
-    floor = np.ones_like(before.judgement.power)
-    compared = compare(before.judgement, after.judgement, floor)
-    return Step(before, [trial], [refitted], [compared], floor, 0.0, refitted, ())
+    trial = SimpleNamespace(effect=form.name, form=form, p_value=p_value, gain=1.0, linear_gain=1.0)
+    return Refitted(trial, after)
+
+
+class Bench:
+    """Tables of the models of one world; `known` are the effects that it can refit beside others, and `asked` the names
+    for which it was."""
+
+    def __init__(self, base, scales, known=()):
+        self.scales, self.known, self.asked = scales, known, []
+        self.tables = RefittedTables(base, self, scales, self._answer)
+        self.search = Search(self.tables, Rule(), 3)
+        self._base = base
+
+    def _answer(self):
+        return answer_to_force(self._base.joint, self._base.fitted.vector)
+
+    def related(self, model, names):
+        self.asked.append(names)
+        known = [key for key in self.known if SILENT[key].name in names]
+        found = [refitted(with_effect(model, key, self.scales), key) for key in known]
+        return [refit.trial for refit in found], found
+
+    def a_round(self, before, after, name):
+        """A round that tried one effect and accepted it."""
+        found, floor = refitted(after, name), np.ones_like(before.judgement.power)
+        made = Made(before, [found.trial], [found], Ground(floor, 0.0, False))
+        return Round(self.tables.keep((name, str(len(self.tables.tables))), made), 0)
+
+    def chain(self, *names):
+        """Rounds in which effects of these `names` were accepted one after the other."""
+        chain, before = [], self._base
+        for name in names:
+            chain.append(self.a_round(before, with_effect(before, name, self.scales), name))
+            before = self.model(chain[-1])
+        return chain
+
+    def model(self, found):
+        """The model that the round `found` accepted."""
+        return self.tables.accepted(found).model

@@ -12,12 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import CLUSTER
-
-_HALF = 0.5  # of the energy
-_SURE = 3.0  # standard errors
-_SEEN = 2.0  # power of a block, in units of the noise, above which its energy counts
-_FEW = 4  # clusters: fewer give no standard error
 
 
 class Credibility(NamedTuple):
@@ -34,14 +30,13 @@ class Credibility(NamedTuple):
     lead: float
     failed: tuple[int, ...]
 
-    @property
-    def credible(self) -> bool:
-        """Whether the model removes half of the energy, or has a significant lead."""
-        return self.energy > _HALF or self.lead > _SURE
+    def is_credible(self, *, rule: Rule = Rule()) -> bool:
+        """Whether the model removes half of the energy, or has a significant lead, by the `rule`."""
+        return self.energy > rule.credible.energy or self.lead > rule.credible.lead
 
 
-def credibility(model: Model) -> Credibility:
-    """Compare the fitted `model` with a prediction of constant velocity."""
+def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
+    """Compare the fitted `model` with a prediction of constant velocity, by the numbers of the `rule`."""
     posterior = model.joint
     reference = np.asarray(posterior.batch.block_mean(posterior.recordings.without_model() ** 2))
     power, count = model.judgement.power, np.asarray(posterior.batch.block_count)
@@ -49,29 +44,34 @@ def credibility(model: Model) -> Credibility:
     failed = tuple(
         int(row)
         for row in rows
-        if not _better(*_compared(reference[row : row + 1], power[row : row + 1], count[row : row + 1]))
+        if not _better(
+            *energy_and_lead(reference[row : row + 1], power[row : row + 1], count[row : row + 1], rule)
+        )
     )
-    return Credibility(*_compared(reference[rows], power[rows], count[rows]), failed)
+    return Credibility(*energy_and_lead(reference[rows], power[rows], count[rows], rule), failed)
 
 
 def _better(energy: float, lead: float) -> bool:
     return energy >= 0.0 or lead > 0.0
 
 
-def _compared(
-    reference: Float[np.ndarray, "r b"], power: Float[np.ndarray, "r b"], count: Float[np.ndarray, "r b"]
+def energy_and_lead(
+    reference: Float[np.ndarray, "r b"],
+    power: Float[np.ndarray, "r b"],
+    count: Float[np.ndarray, "r b"],
+    rule: Rule,
 ) -> tuple[float, float]:
     """Energy and lead of the block powers of a model, `power`, over those of the `reference`, for blocks of `count`
-    samples; arrays of shape `(r, b)`."""
+    samples, by the numbers of the `rule`; arrays of shape `(r, b)`."""
     # Noise raises half of the blocks a little above its mean, with a model and without: under a coarse encoder these
     # many would outvote the few with a signal.
-    counted = count * (np.maximum(reference, power) > _SEEN)
-    before, after = (float(np.sum(counted * np.maximum(each - 1.0, 0.0))) for each in (reference, power))
+    loud = count * (np.maximum(reference, power) > rule.credible.loud)
+    before, after = (float(np.sum(loud * np.maximum(each - 1.0, 0.0))) for each in (reference, power))
     gain = 0.5 * count * np.log((reference + 1.0) / (power + 1.0))
     short = -gain.shape[1] % CLUSTER
     clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER).sum(-1)
     clusters = clusters[clusters != 0.0]
     lead = 0.0
-    if clusters.size >= _FEW:
+    if clusters.size >= rule.credible.least_clusters:
         lead = float(clusters.mean() / max(float(clusters.std()) / np.sqrt(clusters.size), 1e-300))
     return 1.0 - after / before if before > 0.0 else -float(after > 0.0), lead

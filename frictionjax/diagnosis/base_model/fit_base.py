@@ -12,6 +12,7 @@ from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Fitted, descend
@@ -30,9 +31,16 @@ _COARSE = (
 _CHAOTIC = "Backlash makes the motion chaotic. Errors are computed from predictable intervals only and are too small."
 
 
-def base_of(starting: StartingPoint, executor: Executor, progress: Progress, *, known_inertia: bool) -> Model:
+def base_of(
+    starting: StartingPoint,
+    executor: Executor,
+    progress: Progress,
+    *,
+    known_inertia: bool,
+    rule: Rule = Rule(),
+) -> Model:
     """The base model fitted to the recordings of `starting` that are not held out, in parallel by the `executor`, with
-    `progress`; `known_inertia` keeps J fixed."""
+    `progress`; `known_inertia` keeps J fixed, and the `rule` says how many integration steps are enough."""
     return fit_base(
         starting.start.drives,
         starting.batch,
@@ -40,6 +48,7 @@ def base_of(starting: StartingPoint, executor: Executor, progress: Progress, *, 
         executor,
         progress,
         known_inertia=known_inertia,
+        rule=rule,
     )
 
 
@@ -51,6 +60,7 @@ def fit_base(
     progress: Progress,
     *,
     known_inertia: bool = False,
+    rule: Rule = Rule(),
 ) -> Model:
     """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
 
@@ -78,7 +88,7 @@ def fit_base(
             "the motor constant."
         )
     posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
-    steps = steps_needed(posterior, fitted.vector)
+    steps = steps_needed(posterior, fitted.vector, rule=rule)
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)
         posterior = with_steps(posterior, steps)
@@ -86,7 +96,9 @@ def fit_base(
     return Model(posterior, fitted, judge(posterior, fitted))
 
 
-def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> dict[str, Estimate]:
+def parameters_of(
+    model: Model, units: dict[str, str], force: float = 0.0, *, rule: Rule = Rule()
+) -> dict[str, Estimate]:
     """Physical values of the free parameters of `model`, corrected for the integration error, with standard errors that
     allow for correlated innovations (`clustered_covariance`).
 
@@ -95,18 +107,24 @@ def parameters_of(model: Model, units: dict[str, str], force: float = 0.0) -> di
     - `model`: the fitted model.
     - `units`: maps force, position, input to unit names.
     - `force`: unmeasured force over Fc; the blocks that it makes unpredictable are left out.
+    - `rule`: when a block is unpredictable.
     """
-    return reported_parameters(model, units, force)[0]
+    return reported_parameters(model, units, force, rule=rule)[0]
 
 
 def reported_parameters(
-    model: Model, units: dict[str, str], force: float = 0.0, *, lacking: bool = False
+    model: Model,
+    units: dict[str, str],
+    force: float = 0.0,
+    *,
+    lacking: bool = False,
+    rule: Rule = Rule(),
 ) -> tuple[dict[str, Estimate], str]:
     """`parameters_of` the `model`, with the same `units` and `force`, and a warning about them: that the integration
     error is still in them, or that the stated errors are too small; empty when there is none. A model that is `lacking`
     an effect is not corrected for the integration error: the missing effect biases its parameters by far more."""
     chaotic = is_chaotic(model)
-    posterior, fitted = (model.joint, model.fitted) if chaotic else _predictable_only(model, force)
+    posterior, fitted = (model.joint, model.fitted) if chaotic else _predictable_only(model, force, rule=rule)
     vector, coarse, evaluations = fitted.vector, False, posterior.evaluated(fitted.vector)
     if not lacking:
         vector, coarse = at_finer_steps(posterior, fitted.vector, fitted.near, evaluations[0])
@@ -116,13 +134,13 @@ def reported_parameters(
     return estimates(posterior, vector, covariance, units), message
 
 
-def _predictable_only(model: Model, force: float) -> tuple[Posterior, Fitted]:
-    """The `model` fitted again without the blocks that a `force` makes unpredictable; unchanged where there are none,
-    or where the other blocks hardly determine one of its parameters."""
+def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, Fitted]:
+    """The `model` fitted again without the blocks that a `force` makes unpredictable, by the `rule`; unchanged where
+    there are none, or where the other blocks hardly determine one of its parameters."""
     posterior, fitted = model.joint, model.fitted
     if force == 0.0 or posterior.batch.imposed:
         return posterior, fitted
-    reduced, some = predictable(posterior, fitted.vector, force)
+    reduced, some = predictable(posterior, fitted.vector, force, rule=rule)
     if not some:
         return posterior, fitted
     again = descend(reduced, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)

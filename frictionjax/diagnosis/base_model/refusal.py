@@ -5,13 +5,14 @@ from collections.abc import Callable
 
 from frictionjax.diagnosis.base_model.credibility import Credibility, credibility
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.recordings import Case
 
 Refit = Callable[[Case], Model]
 """Fits the base model to a case."""
 
 
-def mistake(case: Case, refit: Refit) -> str:
+def mistake(case: Case, refit: Refit, *, rule: Rule = Rule()) -> str:
     """The error in a case whose base fit is not credible, a sentence with its cure; empty when none is found.
 
     Two errors are tried: an input of the wrong sign, and a known inertia that contradicts the motor constant. The first
@@ -21,10 +22,11 @@ def mistake(case: Case, refit: Refit) -> str:
 
     - `case`: the case.
     - `refit`: fits the base model to a changed case.
+    - `rule`: when a base fit is credible.
     """
     for changed, cure in _mistakes(case):
         model = refit(changed)
-        if credibility(model).credible:
+        if credibility(model, rule=rule).is_credible(rule=rule):
             return cure(model)
     return ""
 

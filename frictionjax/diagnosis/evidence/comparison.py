@@ -1,56 +1,81 @@
 """Comparison: a model with one more effect against the model without it."""
 
-import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import Judgement, advantage, energy_explained, explained
-from frictionjax.physics.effects import AbstractForceEffect
+from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained, paired_lead
+from frictionjax.diagnosis.evidence.model import has_contacts
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Comparison, Lead
+from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect
 
-_WAVES, _WAVES_BESIDE = 1.0, 2.0  # along the stroke, and beside another force
+_SHORTEST = 1e-200  # of a period: what has none is periodic as often as one likes
 
 
-class Compared(eqx.Module):
-    """A refitted candidate against the model without it.
+def compare(
+    before: Judgement,
+    after: Judgement,
+    floor: np.ndarray,
+    *,
+    added: AbstractEffect | None = None,
+    p_value: float = 0.0,
+    rule: Rule = Rule(),
+) -> Comparison:
+    """`after` against `before`, above the `floor` of each block.
 
-    **Attributes:** `share_fit`, `share_holdout` (share of the misfit above the floor that it removes), `energy_fit`,
-    `energy_holdout` (share of the power), `lead_fit`, `lead_holdout` (gain in its standard errors, over clusters of
-    0.5 s), `repeats` (whether all that is periodic along the stroke is seen to repeat in it).
+    **Arguments:**
+
+    - `before`, `after`: one model, and the same with more effects.
+    - `floor`: power of each block that a perfect model would leave.
+    - `added`: the effect that is added; None where several are.
+    - `p_value`: of the score test of the effect that is added; 0 where it has passed one before.
+    - `rule`: for what enters the comparison itself (`Rule.floor`).
     """
-
-    share_fit: float
-    share_holdout: float
-    energy_fit: float
-    energy_holdout: float
-    lead_fit: float
-    lead_holdout: float
-    repeats: bool
-
-    @property
-    def worth(self) -> float:
-        """Sum of the explained shares: what the candidates are ranked by."""
-        return self.share_fit + self.share_holdout
-
-
-def compare(before: Judgement, after: Judgement, floor: np.ndarray) -> Compared:
-    """`after` against `before`, above the `floor` of each block."""
     held = before.held_out
-    return Compared(
-        *explained(before, after, floor),
-        *energy_explained(before, after, floor),
-        advantage(after, before, ~held, floor),
-        advantage(after, before, held, floor),
-        _repeats(after),
+    gains = before.clusters(floor) - after.clusters(floor)
+    scored = by_cluster(np.asarray(before.batch.block_count)) > 0
+    return Comparison(
+        before=forms_of(before),
+        after=forms_of(after),
+        effect=added.name if added is not None else "",
+        form=type(added).__name__ if added is not None else "",
+        exact=tuple(bool(one.about.one_law) for one in after.drive.effects),
+        misfits_before=before.misfits(floor),
+        misfits_after=after.misfits(floor),
+        misfit_errors=before.misfit_errors(),
+        energies=energy_explained(before, after, floor, rule=rule),
+        fit=paired_lead(gains[~held]),
+        held_out=paired_lead(gains[held]),
+        waves=_waves(after),
+        free=int(np.asarray(after.vector).size - held.size),
+        chaotic=any(map(has_contacts, after.drive.effects)),
+        p_value=float(p_value),
+        gains_fit=tuple(gains[~held][scored[~held]].tolist()),
+        gains_held_out=tuple(gains[held][scored[held]].tolist()),
     )
 
 
-def _repeats(found: Judgement) -> bool:
-    """A wave that the stroke does not hold whole bends to any force that depends on the position; beside another force,
-    a wave with its overtone bends to whatever that one leaves, unless it comes twice."""
+def between(models: list[Judgement], floor: np.ndarray) -> tuple[tuple[int, int, Lead], ...]:
+    """By how much each of the `models` leads each later one over all recordings, above the `floor`."""
+    losses = [model.clusters(floor) for model in models]
+    return tuple(
+        (row, other, paired_lead(losses[other] - losses[row]))
+        for row in range(len(models))
+        for other in range(row + 1, len(models))
+    )
+
+
+def forms_of(judgement: Judgement) -> tuple[str, ...]:
+    """Names of the forms of the effects in the model of the `judgement`."""
+    return tuple(type(effect).__name__ for effect in judgement.drive.effects)
+
+
+def _waves(found: Judgement) -> tuple[tuple[float, bool], ...]:
+    """How many of each period the stroke holds, and whether it is that of a force beside another force."""
     x = np.asarray(found.batch.x)[np.asarray(found.batch.valid) > 0.0]
     stroke = float(np.ptp(x)) if x.size else 0.0
     forces = [effect for effect in found.drive.effects if isinstance(effect, AbstractForceEffect)]
-    return all(
-        stroke >= (_WAVES_BESIDE if effect in forces and len(forces) > 1 else _WAVES) * abs(period)
+    return tuple(
+        (stroke / max(abs(period), _SHORTEST), effect in forces and len(forces) > 1)
         for effect in found.drive.effects
         for period in (float(getattr(effect, n.name)) for n in effect.nuisances if n.grid == "period")
     )

@@ -4,16 +4,13 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Lead, shares, whole_misfits, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
-
-ADEQUATE_MISFIT = 0.01
-"""Robust misfit per sample, above the floor, below which nothing significant is missing: errors of 4 % more power than
-the floor, since a misfit of m is a power of 2 exp(2 m) - 1 times the floor."""
-_SURE = 3.0  # standard errors
 
 
 class Scene(eqx.Module):
@@ -67,19 +64,22 @@ class Judgement(eqx.Module):
         fit, held = (0.25 * float(np.sqrt(2.0 * (1.0 + 2.626) / max(n, 1.0))) for n in samples)
         return fit, held
 
-    def within(self, floor: Float[np.ndarray, "#r #b"], most: float) -> tuple[bool, bool]:
-        """Whether the misfits above the `floor` are below `most` plus three of their standard errors: fit, held-out."""
-        fit, held = (
-            misfit < most + _SURE * error
-            for misfit, error in zip(self.misfits(floor), self.misfit_errors(), strict=True)
-        )
-        return fit, held
+    def within(
+        self, floor: Float[np.ndarray, "#r #b"], most: float, *, rule: Rule = Rule()
+    ) -> tuple[bool, bool]:
+        """Whether the misfits above the `floor` are below `most` plus what chance adds to them, by the `rule`: fit,
+        held-out."""
+        return within(self.misfits(floor), self.misfit_errors(), most, rule)
 
     def clusters(self, floor: Float[np.ndarray, "#r #b"]) -> Float[np.ndarray, "r c"]:
         """Loss of each cluster of 0.5 s, above the `floor`."""
-        loss = losses_of(self.power, self.batch, floor)
-        short = -loss.shape[1] % CLUSTER
-        return np.pad(loss, ((0, 0), (0, short))).reshape(loss.shape[0], -1, CLUSTER).sum(-1)
+        return by_cluster(losses_of(self.power, self.batch, floor))
+
+
+def by_cluster(blocks: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r c"]:
+    """Sum over the `blocks` of each cluster of 0.5 s."""
+    short = -blocks.shape[1] % CLUSTER
+    return np.pad(blocks, ((0, 0), (0, short))).reshape(blocks.shape[0], -1, CLUSTER).sum(-1)
 
 
 def judge(posterior: Posterior, fitted: Fitted) -> Judgement:
@@ -90,61 +90,60 @@ def judge(posterior: Posterior, fitted: Fitted) -> Judgement:
     return Judgement(posterior.drive_of(fitted.vector), fitted.vector, power, held_out, posterior.batch)
 
 
-def explained(before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"]) -> tuple[float, float]:
-    """Share of the misfit of `before` above the `floor` that `after` removes: fit recordings, held-out ones.
-
-    Where one set shows a mismatch and the other lies near the floor, the share of the other refers to the adequate
-    misfit: a share of a misfit at the floor is chance.
-    """
-    references, misfits = _references(before.misfits(floor)), after.misfits(floor)
-    shares = [
-        1.0 - misfit / reference if reference > 0.0 else 0.0
-        for reference, misfit in zip(references, misfits, strict=True)
-    ]
-    return shares[0], shares[1]
+def explained(
+    before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"], *, rule: Rule = Rule()
+) -> tuple[float, float]:
+    """Share of the misfit of `before` above the `floor` that `after` removes, by the `rule`: fit recordings, held-out
+    ones."""
+    return shares(before.misfits(floor), after.misfits(floor), rule)
 
 
-def _references(misfits: tuple[float, float]) -> tuple[float, float]:
-    """The misfits to which shares of the `misfits` refer: at least the adequate one when either set exceeds that."""
-    least = ADEQUATE_MISFIT if max(misfits) > ADEQUATE_MISFIT else 0.0
-    return max(misfits[0], least), max(misfits[1], least)
-
-
-def left_over(misfits: tuple[float, float], shares: tuple[float, float]) -> tuple[float, float]:
-    """What remains of `misfits` when these `shares` of them are `explained`: fit, held-out."""
-    fit, held = (
-        reference * (1.0 - share) for reference, share in zip(_references(misfits), shares, strict=True)
-    )
+def left_over(
+    misfits: tuple[float, float], explained: tuple[float, float], *, rule: Rule = Rule()
+) -> tuple[float, float]:
+    """What remains of `misfits` when these shares of them are `explained`, by the `rule`: fit, held-out."""
+    references = whole_misfits(misfits, rule)
+    fit, held = (reference * (1.0 - share) for reference, share in zip(references, explained, strict=True))
     return fit, held
 
 
 def energy_explained(
-    before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"]
+    before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"], *, rule: Rule = Rule()
 ) -> tuple[float, float]:
     """Share of the power above the `floor` that `after` removes, on fit and on held-out recordings.
 
-    Powers are capped at the 95 % quantile of `before`, so that a few impacts do not decide. Far from the noise this
-    share is informative where the misfit, a logarithm of the power, hardly changes.
+    Powers are capped at a high quantile of `before`, by the `rule`, so that a few impacts do not decide. Far from the
+    noise this share is informative where the misfit, a logarithm of the power, hardly changes.
     """
-    shares = []
+    removed = []
     for rows in (~before.held_out, before.held_out):
         scored = np.asarray(before.batch.block_count)[rows] > 0
         old, new = before.power[rows][scored], after.power[rows][scored]
         noise = np.broadcast_to(floor, before.power.shape)[rows][scored]
-        cap = np.quantile(old, 0.95) if old.size else 1.0
+        cap = np.quantile(old, rule.floor.energy_quantile) if old.size else 1.0
         excess = np.mean(np.maximum(np.minimum(old, cap) - noise, 0.0)) if old.size else 0.0
         left = np.mean(np.maximum(np.minimum(new, cap) - noise, 0.0)) if old.size else 0.0
-        shares.append(float(1.0 - left / excess) if excess > 0 else 0.0)
-    return shares[0], shares[1]
+        removed.append(float(1.0 - left / excess) if excess > 0 else 0.0)
+    return removed[0], removed[1]
 
 
 def advantage(
-    better: Judgement, other: Judgement, rows: Bool[np.ndarray, " r"], floor: Float[np.ndarray, "#r #b"]
+    better: Judgement,
+    other: Judgement,
+    rows: Bool[np.ndarray, " r"],
+    floor: Float[np.ndarray, "#r #b"],
+    *,
+    rule: Rule = Rule(),
 ) -> float:
     """Loss of `other` minus that of `better` above the `floor`, in standard errors of the difference, from paired
-    clusters of the recordings `rows`."""
-    difference = (other.clusters(floor) - better.clusters(floor))[rows].ravel()
-    difference = difference[difference != 0.0]
-    if difference.size < 4:
-        return 0.0
-    return float(difference.sum() / (np.sqrt(difference.size) * max(float(difference.std()), 1e-300)))
+    clusters of the recordings `rows`; 0 where there are too few of them, by the `rule`."""
+    return paired_lead((other.clusters(floor) - better.clusters(floor))[rows]).in_errors(rule)
+
+
+def paired_lead(gains: Float[np.ndarray, "..."]) -> Lead:
+    """The lead that the `gains` of paired clusters add up to; clusters that do not differ do not count."""
+    own = gains[gains != 0.0]
+    if own.size == 0:
+        return Lead(0.0, 0.0, 0)
+    error = float(np.sqrt(own.size)) * max(float(own.std()), 1e-300)
+    return Lead(float(own.sum()), error, int(own.size))

@@ -9,25 +9,16 @@ blocks agree, at a robust quantile.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.objective.posterior import Posterior
 
 _DRAWS = 4
 _SMALL = 1e-4  # of Coulomb friction: small enough for a linear response, far above rounding
 _SMOOTH = 5  # blocks over which the response is averaged
-_QUANTILE = 0.4  # of the estimates of single blocks: an effect raises some blocks, so the median is too high
-_SEEN = 0.1  # of the largest response: blocks that respond less are not informative about the force
 _HALVINGS = 30
-# Noise is distinguished from motion by fourth differences, which respond to the highest frequencies alone. At 2 kHz,
-# noise with nine tenths of its power below 200 Hz gives innovations of twice the power of white noise with the same
-# fourth differences.
-_COLOUR = 2.0
 _BEYOND = 1e100  # in noise levels: the largest difference of two runs that is squared
-_ASTRAY = 1.0  # power, over that of the noise, by which two runs differ in an unpredictable block
-# Of Coulomb friction, at each sample: more than this is missing physics, not a disturbance, and must not raise the
-# floor that missing physics is measured from. (Effects that act in all of sliding give larger estimates.)
-_LARGEST = 0.005
 
 
 class Answer(eqx.Module):
@@ -49,7 +40,7 @@ class Answer(eqx.Module):
         return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
 
 
-def answer_to_force(posterior: Posterior, vector: Float[Array, " q"]) -> Answer:
+def answer_to_force(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Answer:
     """How the innovations of the `posterior` at `vector` respond to a small white force, constant over each sample, and
     to noise.
 
@@ -72,9 +63,25 @@ def answer_to_force(posterior: Posterior, vector: Float[Array, " q"]) -> Answer:
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     kernel = np.ones(_SMOOTH) / _SMOOTH
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
-    mean = force.mean(axis=0)
-    capped = np.minimum(mean, 20.0 * np.median(mean[mean > 0])) if np.any(mean > 0) else mean
-    return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in capped]), noise, force, product)
+    mean = capped(force.mean(axis=0), rule)
+    return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in mean]), noise, force, product)
+
+
+def capped(mean: Float[np.ndarray, "r b"], rule: Rule) -> Float[np.ndarray, "r b"]:
+    """The `mean` response of each block, at most that many times their median that the `rule` allows."""
+    return np.minimum(mean, rule.floor.cap * np.median(mean[mean > 0])) if np.any(mean > 0) else mean
+
+
+def gap_force(force: float, rule: Rule) -> float:
+    """The unmeasured force (over Fc) by which a machine with a gap is tested for chaos: `force`, or that of the `rule`
+    where it is larger."""
+    return max(force, rule.floor.gap_force)
+
+
+def is_predictable(spread: Float[np.ndarray, "r b"], rule: Rule) -> Bool[np.ndarray, "r b"]:
+    """Whether two runs differ by so little in each block that it counts, by the `rule`; `spread` is the power of their
+    difference."""
+    return spread < rule.floor.unpredictable
 
 
 def scatter(
@@ -96,18 +103,23 @@ def scatter(
 
 
 def predictable(
-    posterior: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    posterior: Posterior,
+    vector: Float[Array, " q"],
+    size: float,
+    *,
+    draws: int = _DRAWS,
+    rule: Rule = Rule(),
 ) -> tuple[Posterior, bool]:
     """The `posterior` without the blocks in which an unmeasured force of the `size` (over Fc) changes the innovations
-    at `vector` by more than the measurement noise, in the mean of `draws`; and whether there are any.
+    at `vector`, in the mean of `draws`, by more than the `rule` allows; and whether there are any.
 
     Such a force makes a break-away earlier or later, and all errors that follow have that one cause: a fit that counts
     them as independent is biased by it. Powers and misfits still include all blocks.
     """
-    spread = scatter(posterior, vector, size, draws=draws)
+    near = is_predictable(scatter(posterior, vector, size, draws=draws), rule)
     scored = np.asarray(posterior.batch.block_count) > 0
-    kept = jnp.asarray(np.where(spread < _ASTRAY, 1.0, 0.0).ravel())
-    some = bool(np.any(scored & ~(spread < _ASTRAY)))
+    kept = jnp.asarray(np.where(near, 1.0, 0.0).ravel())
+    some = bool(np.any(scored & ~near))
     return eqx.tree_at(lambda p: p.weights, posterior, (posterior.weights[0] * kept,)), some
 
 
@@ -148,6 +160,8 @@ def force_noise(
     answer: Answer,
     posterior: Posterior,
     quiet: Float[np.ndarray, "r 1"] | float = 1.0,
+    *,
+    rule: Rule = Rule(),
 ) -> float:
     """Standard deviation of the unmeasured force over Coulomb friction that explains the block `power` of shape
     `(r, b)`, from the fitted recordings; `quiet` is the power of the measurement noise in each.
@@ -157,15 +171,15 @@ def force_noise(
     """
     scored = (np.asarray(posterior.batch.block_count) > 0) & (np.asarray(posterior.fitted[0])[:, None] > 0)
     gain = np.where(scored, answer.gain, 0.0)
-    informative = gain > _SEEN * gain.max()
+    informative = gain > rule.floor.answering * gain.max()
     if not np.any(informative):
         return 0.0
 
     def estimate(power: Float[np.ndarray, "*d r b"]) -> float:
         each = (power - quiet) / np.where(informative, gain, 1.0)
-        return float(np.quantile(each[..., informative], _QUANTILE))
+        return float(np.quantile(each[..., informative], rule.floor.quantile))
 
-    observed, low, high = estimate(power), 0.0, _LARGEST
+    observed, low, high = estimate(power), 0.0, rule.floor.largest_force
     if observed <= estimate(answer.powers(low, quiet)):
         return 0.0
     for _ in range(_HALVINGS):
@@ -183,12 +197,20 @@ def floor_of(
 
 
 def colour(
-    power: Float[np.ndarray, "r b"], floor: Float[np.ndarray, "r b"], posterior: Posterior
+    power: Float[np.ndarray, "r b"],
+    floor: Float[np.ndarray, "r b"],
+    posterior: Posterior,
+    *,
+    rule: Rule = Rule(),
 ) -> Float[np.ndarray, "r 1"]:
-    """Factor, between 1 and 2, on the `floor` of each recording by which the colour of its noise may raise it, shape
-    `(r, 1)`: the median over the blocks of the `power` that a model leaves over the floor."""
+    """Factor on the `floor` of each recording by which the colour of its noise may raise it, shape `(r, 1)`: the median
+    over the blocks of the `power` that a model leaves over the floor, at least 1 and at most what the `rule` allows.
+
+    Noise is distinguished from motion by fourth differences, which respond to the highest frequencies alone: noise of
+    lower frequencies leaves more power in the innovations than white noise with the same fourth differences.
+    """
     factor = np.ones((power.shape[0], 1))
     for row, scored in enumerate(np.asarray(posterior.batch.block_count) > 0):
         if np.any(scored):
-            factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, _COLOUR)
+            factor[row] = np.clip(np.median((power / floor)[row, scored]), 1.0, rule.floor.colour)
     return factor

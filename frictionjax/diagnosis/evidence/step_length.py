@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.diagnosis.evidence.judgement import ADEQUATE_MISFIT
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
@@ -38,10 +38,10 @@ def _differences(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Arra
     return jnp.stack(powers)
 
 
-def steps_needed(posterior: Posterior, vector: Float[Array, " q"]) -> int:
+def steps_needed(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> int:
     """Integration steps a sample with which the integration error alone leaves the model of the `posterior` at `vector`
-    adequate, on the fitted recordings and on the held-out ones: once, twice or four times those of its batch. 1 where
-    the motion is imposed, since its runs choose their own steps.
+    adequate by the `rule`, on the fitted recordings and on the held-out ones: once, twice or four times those of its
+    batch. 1 where the motion is imposed, since its runs choose their own steps.
     """
     batch = posterior.batch
     if batch.imposed:
@@ -52,7 +52,7 @@ def steps_needed(posterior: Posterior, vector: Float[Array, " q"]) -> int:
     for finer, power in zip((1, MOST // 2), _differences(posterior, vector), strict=True):
         losses = losses_of(1.0 + np.asarray(power), batch) * weight
         parts = [losses[rows].sum() / max(count[rows].sum(), 1.0) for rows in (fitted, ~fitted)]
-        if max(parts) < ADEQUATE_MISFIT:
+        if max(parts) < rule.limits.adequate:
             return finer * own
     return MOST * own
 

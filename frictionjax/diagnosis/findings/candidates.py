@@ -1,11 +1,16 @@
-"""What is said of every effect of the catalogue: tested or not, significant or not, and why it was not named."""
+"""What is reported of every effect of the catalogue: tested or not, significant or not, and why it was not named."""
 
-from frictionjax.diagnosis.selection.decide import SIGNIFICANCE, Step, acceptable, effect_p_values
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import acceptable
+from frictionjax.diagnosis.selection.candidate_table import effect_p_values
+from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.verdict import Candidate
 from frictionjax.physics.effects import catalogue
 
 
-def candidates(steps: list[Step], units: dict[str, str], untestable: dict[str, str]) -> tuple[Candidate, ...]:
+def candidates(
+    steps: list[Step], units: dict[str, str], untestable: dict[str, str], *, rule: Rule = Rule()
+) -> tuple[Candidate, ...]:
     """One row per effect: from the first round, or from the one in which it was accepted, or refitted and dropped.
 
     **Arguments:**
@@ -13,12 +18,13 @@ def candidates(steps: list[Step], units: dict[str, str], untestable: dict[str, s
     - `steps`: the rounds of the selection.
     - `units`: names for force, position, input.
     - `untestable`: effect -> why the recordings cannot show it.
+    - `rule`: what decided.
     """
-    rows = [_row(name, steps, units, untestable.get(name, "")) for name in catalogue()]
+    rows = [_row(name, steps, units, untestable.get(name, ""), rule) for name in catalogue()]
     return tuple(sorted(rows, key=lambda c: (c.reason != "named", not c.tested, c.p_value)))
 
 
-def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> Candidate:
+def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str, rule: Rule) -> Candidate:
     rounds = [step for step in steps if any(t.effect == name for t in step.trials)]
     named = next((s for s in steps if s.accepted is not None and s.accepted.effect == name), None)
     dropped = next((s for s in rounds if s.dropped and any(r.effect == name for r in s.refits)), None)
@@ -32,24 +38,29 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str) -> C
         trial = max((t for t in step.trials if t.effect == name), key=lambda t: (t.gain, t.linear_gain))
     p_value = effect_p_values(step.trials)[name]
     refits = [c for r, c in zip(step.refits, step.compared, strict=True) if r.effect == name]
-    best = max(refits, key=lambda c: c.worth, default=None)
+    best = max(refits, key=lambda c: c.gains(rule).worth, default=None)
+    gains = best.gains(rule) if best is not None else None
     if named is not None:
         reason = "named"
     elif why_not:
         reason = why_not
     elif best is not None:
-        refused = acceptable(best, step.before.judgement, step.floor, p_value)[1]
+        refused = acceptable(best, rule)[1]
         reason = refused or step.dropped or "another effect explains the same better"
     else:
-        reason = "gains nothing" if p_value > SIGNIFICANCE else "significant, but gains too little to matter"
+        reason = (
+            "gains nothing"
+            if p_value > rule.accept.significance
+            else "significant, but gains too little to matter"
+        )
     return Candidate(
         effect=name,
         p_value=p_value,
         minimum_detectable=trial.detectable,
         tested=not why_not,
         reason=reason,
-        gain_fit=best.share_fit if best else float("nan"),
-        gain_holdout=best.share_holdout if best else float("nan"),
+        gain_fit=gains.share_fit if gains else float("nan"),
+        gain_holdout=gains.share_holdout if gains else float("nan"),
         one_step=trial.one_step,
         units={p.name: _unit(p.unit, units) for p in trial.form.strengths},
     )

@@ -6,36 +6,34 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.diagnosis.evidence.comparison import Compared, compare
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
+from frictionjax.diagnosis.table import Gains
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS, AbstractMap
 
-_CONVERGED = 2  # maps that are refitted: those whose one-step estimates gain most
-_TAIL, _MARGIN = (
-    0.05,
-    1.5,
-)  # share of the excess outside a spot on either side; factor on the width for its map
-_LEAST_LEAD = 1.5  # standard errors by which the held-out misfit must fall; it may lie in few clusters
-_LEAST_SHARE = 0.1  # of the held-out misfit that the map must remove, besides
+_TAIL = 0.05  # share of the excess that is left out on either side of a spot
+_MARGIN = 1.5  # factor on the width of a spot, for its map
 
 
 class ResidualModel(eqx.Module):
     """A map of the missing force over one variable.
 
-    **Attributes:** `variable` (in words), `model`, `compared` (against the model without it), `helps` (whether it
+    **Attributes:** `variable` (in words), `model`, `gains` (over the model without it), `helps` (whether it
     predicts held-out recordings significantly better than the model without it).
     """
 
     variable: str = eqx.field(static=True)
     model: Model
-    compared: Compared
+    gains: Gains
     helps: bool = eqx.field(static=True)
 
 
@@ -53,8 +51,18 @@ def _spot(present: Present) -> tuple[float, float] | None:
     return (float(0.5 * (low + high)), float(half)) if 2.0 * half < 0.5 * np.ptp(x) else None
 
 
+def helps(gains: Gains, rule: Rule) -> bool:
+    """Whether a map with these `gains` predicts held-out recordings better than the model without it, by the `rule`."""
+    return gains.lead_holdout > rule.residual.lead and gains.share_holdout > rule.residual.share
+
+
 def residual_model(
-    model: Model, floor: Float[np.ndarray, "#r #b"], executor: Executor
+    model: Model,
+    floor: Float[np.ndarray, "#r #b"],
+    executor: Executor,
+    *,
+    rule: Rule = Rule(),
+    effort: Effort = Effort(),
 ) -> ResidualModel | None:
     """The map that explains most of what `model` leaves, all parameters free.
 
@@ -66,20 +74,22 @@ def residual_model(
     - `model`: the fitted base model, with the effects that were named.
     - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
     - `executor`: runs tests and refits in parallel.
+    - `rule`: whether the map helps.
+    - `effort`: how many maps are refitted, and how far.
 
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
     scales = plant_scales(model.judgement.drive, model.joint.batch)
     fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
     present = present_model(fast, model.fitted.vector)
-    spot = _spot(present)
+    spot, own = _spot(present), effort.refitting
 
     def test(item: tuple[str, type[AbstractMap]]) -> list[tuple[float, str, Trial]]:
         variable, form = item
         instances = forms_to_try(form, scales, {})
         if spot is not None and variable.startswith("position"):
             instances.append(form(middle=spot[0], half=spot[1]))  # type: ignore[call-arg]
-        trials = try_form(present, instances, scales)
+        trials = try_form(present, instances, scales, effort=effort)
         return [(trial.gain, variable, trial) for trial in trials if np.isfinite(trial.gain)]
 
     def converge(item: tuple[float, str, Trial]) -> ResidualModel:
@@ -87,15 +97,16 @@ def residual_model(
         posterior, vector = extend(fast, model.fitted.vector, trial.form, scales)
         count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
-        started = descend(posterior, vector, steps=12, tolerance=0.02)
+        first = descend(posterior, vector, steps=own.map_steps, tolerance=own.map_tolerance)
         slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
-        fitted = descend(slow, started.vector, graduate=False, steps=12, tolerance=0.01)
+        fitted = descend(
+            slow, first.vector, graduate=False, steps=own.map_steps, tolerance=own.slow_tolerance
+        )
         found = Model(slow, fitted, judge(slow, fitted))
-        compared = compare(model.judgement, found.judgement, floor)
-        helps = compared.lead_holdout > _LEAST_LEAD and compared.share_holdout > _LEAST_SHARE
-        return ResidualModel(variable, found, compared, helps)
+        gains = compare(model.judgement, found.judgement, floor, rule=rule).gains(rule)
+        return ResidualModel(variable, found, gains, helps(gains, rule))
 
     tested = [found for some in executor.map(test, MAPS.items()) for found in some]
     tested.sort(key=lambda item: -item[0])
-    converged = list(executor.map(converge, tested[:_CONVERGED]))
-    return max(converged, key=lambda found: found.compared.worth, default=None)
+    converged = list(executor.map(converge, tested[: own.residual_maps]))
+    return max(converged, key=lambda found: found.gains.worth, default=None)

@@ -1,7 +1,10 @@
 """Effects that cannot be tested with the recordings of a case, since no recording visits the regime they need."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, noise_level
 from frictionjax.physics.effects import (
     AbstractInputEffect,
@@ -12,8 +15,6 @@ from frictionjax.physics.effects import (
 from frictionjax.recordings import Case
 from frictionjax.recordings.regimes import find_regimes
 
-_LEAST = 0.002  # part of the time in a regime from which on it counts as visited
-_REST = 0.3  # s: rests from which the growth of friction at rest can be identified
 _WORDS = {
     "sliding": "no recording slides",
     "presliding": "no recording dwells in presliding",
@@ -25,10 +26,47 @@ _WORDS = {
 }
 
 
-def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
-    """Each need of an effect (`About.needs`) that the fitted recordings of a `case` do not meet -> what they lack, in
-    words. `batch`: all recordings, the fitted ones first.
+class Coverage(NamedTuple):
+    """What the fitted recordings of a case contain.
+
+    **Attributes:** `sliding`, `presliding` (largest part of the time of a recording), `rests` (their durations, s),
+    `starts` (number of different starting times), `span` (from the first start to the last end, s), `moves` (whether
+    any position changes), `unit` of the position, `warmer` (range of the measured temperature, K).
     """
+
+    sliding: float
+    presliding: float
+    rests: tuple[float, ...]
+    starts: int
+    span: float
+    moves: bool
+    unit: str
+    warmer: float
+
+    def meets(self, rule: Rule) -> dict[str, bool]:
+        """Each need of an effect -> whether it is met, by the `rule`."""
+        least = rule.testable
+        return {
+            "sliding": self.sliding > least.regime,
+            "presliding": self.presliding > least.regime,
+            "rest": any(rest > least.rest for rest in self.rests) or self.starts > 1,
+            "both directions": self.moves,
+            "clock": self.starts > 1 or self.span > least.warm_up,
+            "angle": self.unit.strip().lower() in ("rad", "radian", "radians"),
+            "temperature": self.warmer >= least.warmer,
+        }
+
+
+def missing_needs(case: Case, batch: AbstractBatch, *, rule: Rule = Rule()) -> dict[str, str]:
+    """Each need of an effect (`About.needs`) that the fitted recordings of a `case` do not meet -> what they lack, in
+    words. `batch`: all recordings, the fitted ones first; `rule`: when a need is met.
+    """
+    met = coverage_of(case, batch).meets(rule)
+    return {need: text for need, text in _WORDS.items() if not met[need]}
+
+
+def coverage_of(case: Case, batch: AbstractBatch) -> Coverage:
+    """What the fitted recordings of the `case` contain; `batch` as in `missing_needs`."""
     noises = batch.position_noise
     noises = [noise_level(r) for r in case.fit_recordings] if noises is None else np.asarray(noises)
     found = [
@@ -37,16 +75,16 @@ def missing_needs(case: Case, batch: AbstractBatch) -> dict[str, str]:
     ]
     starts = {r.start_time for r in case.fit_recordings}
     span = max(r.start_time + r.duration for r in case.fit_recordings) - min(starts)
-    met = {
-        "sliding": any(one.sliding > _LEAST for one in found),
-        "presliding": any(one.presliding > _LEAST for one in found),
-        "rest": any(rest > _REST for one in found for rest in one.rests) or len(starts) > 1,
-        "both directions": any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
-        "clock": len(starts) > 1 or span > 10.0,
-        "angle": case.plant.position_unit.strip().lower() in ("rad", "radian", "radians"),
-        "temperature": _temperature_range(case) >= 1.0,
-    }
-    return {need: text for need, text in _WORDS.items() if not met[need]}
+    return Coverage(
+        sliding=max((float(one.sliding) for one in found), default=0.0),
+        presliding=max((float(one.presliding) for one in found), default=0.0),
+        rests=tuple(float(rest) for one in found for rest in one.rests),
+        starts=len(starts),
+        span=float(span),
+        moves=any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
+        unit=case.plant.position_unit,
+        warmer=_temperature_range(case),
+    )
 
 
 def _temperature_range(case: Case) -> float:
@@ -56,10 +94,12 @@ def _temperature_range(case: Case) -> float:
     return float(np.ptp(np.concatenate([np.asarray(r.temperature) for r in case.fit_recordings])))
 
 
-def not_testable(case: Case, batch: AbstractBatch) -> tuple[dict[str, str], frozenset[str]]:
+def not_testable(
+    case: Case, batch: AbstractBatch, *, rule: Rule = Rule()
+) -> tuple[dict[str, str], frozenset[str]]:
     """Effects of the catalogue that cannot be tested in any form -> why, in words; and the forms of other effects that
-    cannot. `case` and `batch` as in `missing_needs`."""
-    lacking = missing_needs(case, batch)
+    cannot. `case`, `batch` and `rule` as in `missing_needs`."""
+    lacking = missing_needs(case, batch, rule=rule)
     reasons = idle_effects() if batch.imposed else {}
     barred: set[str] = set()
     for name, forms in catalogue().items():

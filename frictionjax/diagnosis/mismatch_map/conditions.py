@@ -15,19 +15,20 @@ from scipy.stats import t as student
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import Axis
 from frictionjax.diagnosis.mismatch_map.bin_power import LEAST_SAMPLES, clusters_of
-from frictionjax.diagnosis.mismatch_map.where_words import SIGNIFICANT, divergence
+from frictionjax.diagnosis.mismatch_map.where_words import divergence
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 _ASKED = ("dwell", "direction", "since_reversal", "position", "input", "time")
-_MOST_TOLD = 2
-_LEAST_SHARE = 0.75
-_LEAST_CONTRAST = 3.0  # excess inside over excess elsewhere
-_LARGEST_PART = 0.8  # of the samples: a part with nearly all of them is not informative
-_FEW = 3  # clusters on either side, at least
 
 
 def parts_within(
-    lead: tuple[MismatchBin, ...], axes: tuple[Axis, ...], power: Float[np.ndarray, "r n"], scene: Scene
+    lead: tuple[MismatchBin, ...],
+    axes: tuple[Axis, ...],
+    power: Float[np.ndarray, "r n"],
+    scene: Scene,
+    *,
+    rule: Rule = Rule(),
 ) -> tuple[Within, ...]:
     """Parts of other axes that contain the excess of the `lead`, one after the other: each within those before.
 
@@ -37,13 +38,14 @@ def parts_within(
     - `axes`: from `axes_of`.
     - `power`: squares of the innovations over their floor, shape `(r, n)`.
     - `scene`: the recordings.
+    - `rule`: what is reported.
     """
     scored = np.asarray(scene.batch.valid) > 0
     inside = scored & np.any([_inside(one, axes) for one in lead], axis=0)
     given, used, found = " or ".join(one.bin for one in lead), {lead[0].axis}, []
-    for _ in range(_MOST_TOLD):
+    for _ in range(rule.place.most_parts):
         left = [axis for axis in axes if axis.name in _ASKED and axis.name not in used]
-        best = _strongest_part(left, inside, power, scene, given)
+        best = _strongest_part(left, inside, power, scene, given, rule)
         if best is None:
             break
         part, mask = best
@@ -67,6 +69,7 @@ def _strongest_part(
     power: Float[np.ndarray, "r n"],
     scene: Scene,
     given: str,
+    rule: Rule,
 ) -> tuple[Within, Bool[np.ndarray, "r n"]] | None:
     """The part of one of the `axes` that contains most of the excess `inside` in the fewest samples, with its mask;
     None when no part differs significantly from the rest."""
@@ -77,9 +80,9 @@ def _strongest_part(
             mask = axis.inside(bins)
             here = mask[inside]
             count = int(here.sum())
-            if min(count, selected.size - count) < LEAST_SAMPLES or count > _LARGEST_PART * selected.size:
+            if not is_a_part(count, selected.size, rule):
                 continue
-            p_value = _more_power(selected, here, cluster)
+            p_value = more_power(selected, here, cluster, rule)
             if p_value is None:
                 continue
             compared += 1
@@ -89,15 +92,10 @@ def _strongest_part(
             if extra > 0.0:
                 share = extra / (extra + rest)
                 samples = count / selected.size
-                part = Within(axis.name, label, phrase, given, share, samples, high, low, p_value)
+                only = is_only(share, high, low, rule)
+                part = Within(axis.name, label, phrase, given, share, samples, high, low, p_value, only)
                 found.append((part, mask))
-    clear = [
-        (part, mask)
-        for part, mask in found
-        if part.p_value * compared < SIGNIFICANT
-        and part.share >= _LEAST_SHARE
-        and part.excess - 1.0 >= _LEAST_CONTRAST * (part.excess_elsewhere - 1.0)
-    ]
+    clear = [(part, mask) for part, mask in found if is_condition(part, compared, rule)]
     if not clear:
         return None
     part, mask = max(clear, key=lambda one: _divergence(one[0]))
@@ -109,11 +107,32 @@ def _divergence(part: Within) -> float:
     return divergence((part.share, 1.0 - part.share), (part.samples, 1.0 - part.samples))
 
 
-def _more_power(
-    power: Float[np.ndarray, " s"], here: Bool[np.ndarray, " s"], cluster: Int[np.ndarray, " s"]
+def is_a_part(count: int, samples: int, rule: Rule) -> bool:
+    """Whether a part with this `count` of the `samples` may be a condition, by the `rule`: one with nearly all of them
+    is not informative."""
+    return min(count, samples - count) >= LEAST_SAMPLES and count <= rule.place.largest_part * samples
+
+
+def is_condition(part: Within, compared: int, rule: Rule) -> bool:
+    """Whether a `part`, of as many as were `compared`, is reported by the `rule`."""
+    return (
+        part.p_value * compared < rule.place.significant
+        and part.share >= rule.place.part_share
+        and part.excess - 1.0 >= rule.place.part_contrast * (part.excess_elsewhere - 1.0)
+    )
+
+
+def is_only(share: float, excess: float, elsewhere: float, rule: Rule) -> bool:
+    """Whether almost all of the excess lies in a part: in total, by its `share`, and per sample, by its `excess` and
+    that `elsewhere`; by the `rule`."""
+    return share >= rule.place.only_share and elsewhere - 1.0 <= rule.place.only_rest * (excess - 1.0)
+
+
+def more_power(
+    power: Float[np.ndarray, " s"], here: Bool[np.ndarray, " s"], cluster: Int[np.ndarray, " s"], rule: Rule
 ) -> float | None:
     """One-sided p-value of the `power` being no larger `here` than elsewhere, by each sample's `cluster`; None where
-    there are too few clusters."""
+    there are fewer clusters than the `rule` asks for."""
     logs, variances, degrees = [], [], []
     for mask in (here, ~here):
         which = cluster[mask]
@@ -121,7 +140,7 @@ def _more_power(
         total = np.bincount(which, power[mask])[count > 0]
         count = count[count > 0].astype(float)
         m = count.size
-        if m < _FEW or total.sum() <= 0.0:
+        if m < rule.place.least_clusters or total.sum() <= 0.0:
             return None
         mean = total.sum() / count.sum()
         logs.append(np.log(mean))

@@ -21,6 +21,7 @@ from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
 from frictionjax.diagnosis.mismatch_map.where_words import divergence, lead_of, where_words
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
 
@@ -44,6 +45,8 @@ def locate(
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
 ) -> Located:
     """The map over all recordings, and where its excess is strongest.
 
@@ -55,6 +58,7 @@ def locate(
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
     - `chance`: distribution of the map under noise alone; drawn when None.
     - `mapping`: as `map`; that of an executor draws in parallel.
+    - `rule`: which places are reported.
     """
     level = floor_of_samples(floor, scene)
     e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
@@ -77,9 +81,9 @@ def locate(
     maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
     bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
     unions = unions_of(bins, axes)
-    lead = lead_of(bins, unions)
-    within = parts_within(lead, axes, e**2, scene) if lead else ()
-    return Located(bins, within, where_words(bins, unions, within))
+    lead = lead_of(bins, unions, rule=rule)
+    within = parts_within(lead, axes, e**2, scene, rule=rule) if lead else ()
+    return Located(bins, within, where_words(bins, unions, within, rule=rule))
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:

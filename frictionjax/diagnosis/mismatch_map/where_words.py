@@ -4,39 +4,41 @@ import math
 from collections.abc import Iterable
 
 from frictionjax.core.quantities import times
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
-SIGNIFICANT = 0.05
-"""p-value, over all bins or parts compared, below which a place is reported."""
-_LEAST_EXCESS = 1.2  # power over the floor: a smaller one is not reported, however significant
-_SHARP = 0.6  # share of one bin of another axis from which on it is reported
 # The duration of a rest is reported as a condition on these, or on the regime.
 _SHARP_AXES = ("since_reversal", "position", "input", "time")
-_EVERYWHERE = 3.0  # largest ratio of the excesses of the regimes at which they are reported as one
 
 
-def stands_out(one: MismatchBin) -> bool:
-    """Whether the bin `one` is reported: large, and significant after correction for the whole map (where that is
-    known)."""
-    return one.excess > _LEAST_EXCESS and not one.p_value >= SIGNIFICANT
+def stands_out(one: MismatchBin, *, rule: Rule = Rule()) -> bool:
+    """Whether the bin `one` is reported by the `rule`: large, and significant after correction for the whole map (where
+    that is known)."""
+    return one.excess > rule.place.least_excess and not one.p_value >= rule.place.significant
 
 
-def strongest(bins: tuple[MismatchBin, ...], axis: str) -> MismatchBin | None:
+def strongest(bins: tuple[MismatchBin, ...], axis: str, *, rule: Rule = Rule()) -> MismatchBin | None:
     """The bin of `axis` that stands out most: the one with the largest share times log excess."""
-    return max((b for b in bins if b.axis == axis and stands_out(b)), key=_prominence, default=None)
+    standing = (b for b in bins if b.axis == axis and stands_out(b, rule=rule))
+    return max(standing, key=_prominence, default=None)
 
 
-def lead_of(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...] = ()) -> tuple[MismatchBin, ...]:
+def lead_of(
+    bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...] = (), *, rule: Rule = Rule()
+) -> tuple[MismatchBin, ...]:
     """The bins that the sentence is about: one sharp bin, or union of bins, of another axis than regime, else the
-    strongest regimes; empty when nothing stands out. `bins`: the map, `unions`: its unions."""
-    sharp = _sharp(bins, unions)
-    return (sharp,) if sharp is not None else _regimes(bins)
+    strongest regimes; empty when nothing stands out. `bins`: the map, `unions`: its unions, `rule`: what is
+    reported."""
+    sharp = _sharp(bins, unions, rule)
+    return (sharp,) if sharp is not None else _regimes(bins, rule)
 
 
 def where_words(
     bins: tuple[MismatchBin, ...],
     unions: tuple[MismatchBin, ...] = (),
     within: tuple[Within, ...] = (),
+    *,
+    rule: Rule = Rule(),
 ) -> str:
     """Where the mismatch is, in plain words: the strongest regimes, one sharp bin of another axis, and which part of
     further axes alone they are strong in. Factors are of power, the square of the error.
@@ -46,9 +48,10 @@ def where_words(
     - `bins`: the map.
     - `unions`: bins of it that may be reported as one.
     - `within`: from `parts_within`, for the bins that `lead_of` gives.
+    - `rule`: what is reported.
     """
-    regimes, sharp = _regimes(bins), _sharp(bins, unions)
-    if _everywhere(bins):
+    regimes, sharp = _regimes(bins, rule), _sharp(bins, unions, rule)
+    if _everywhere(bins, rule):
         whole = sum(b.excess * b.count for b in bins if b.axis == "regime")
         count = sum(b.count for b in bins if b.axis == "regime")
         parts = [f"every regime ({times(whole / count)} the expected power)"]
@@ -64,30 +67,33 @@ def where_words(
     return ", ".join(parts) if regimes or sharp is not None else "nowhere above the noise"
 
 
-def _regimes(bins: tuple[MismatchBin, ...]) -> tuple[MismatchBin, ...]:
+def _regimes(bins: tuple[MismatchBin, ...], rule: Rule) -> tuple[MismatchBin, ...]:
     """The regimes that stand out about as much as the strongest one, the largest share first."""
-    found = [b for b in bins if b.axis == "regime" and stands_out(b)]
+    found = [b for b in bins if b.axis == "regime" and stands_out(b, rule=rule)]
     peak = max(map(_prominence, found), default=0.0)
-    return tuple(sorted((b for b in found if _prominence(b) > 0.7 * peak), key=lambda b: -b.share))
+    beside = rule.place.beside * peak
+    return tuple(sorted((b for b in found if _prominence(b) > beside), key=lambda b: -b.share))
 
 
-def _everywhere(bins: tuple[MismatchBin, ...]) -> bool:
+def _everywhere(bins: tuple[MismatchBin, ...], rule: Rule) -> bool:
     regimes = [b for b in bins if b.axis == "regime"]
-    if len(regimes) < 3 or not all(map(stands_out, regimes)):
+    if len(regimes) < 3 or not all(stands_out(b, rule=rule) for b in regimes):
         return False
     excess = [b.excess for b in regimes]
-    return max(excess) < _EVERYWHERE * min(excess)
+    return max(excess) < rule.place.everywhere * min(excess)
 
 
-def _sharp(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...]) -> MismatchBin | None:
+def _sharp(bins: tuple[MismatchBin, ...], unions: tuple[MismatchBin, ...], rule: Rule) -> MismatchBin | None:
     """The most informative bin, or union of bins, of another axis than regime: nearly all of the excess in the smallest
     part of the samples."""
     found = []
     for axis in _SHARP_AXES:
         samples = sum(b.count for b in bins if b.axis == axis)
         for b in (*bins, *unions):
+            if b.axis != axis or not stands_out(b, rule=rule):
+                continue
             # A share in proportion to the bin's samples is not informative.
-            if b.axis == axis and stands_out(b) and b.share > max(_SHARP, 2.0 * b.count / samples):
+            if b.share > max(rule.place.sharp, rule.place.sharp_over_length * b.count / samples):
                 part = b.count / samples
                 found.append((divergence((b.share, 1.0 - b.share), (part, 1.0 - part)), b))
     return max(found, key=lambda pair: pair[0])[1] if found else None

@@ -1,40 +1,49 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from jaxtyping import Array, Float
 
-from frictionjax.diagnosis.evidence.judgement import judge
-from frictionjax.diagnosis.evidence.model import Model, has_contacts
-from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
-from frictionjax.diagnosis.refitting.backlash_search import heavier, load_ratio, searched, told
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.refitting.backlash_search import load_ratio
+from frictionjax.diagnosis.refitting.descents import (
+    Candidate,
+    Start,
+    along_the_minimum,
+    at_the_resonance,
+    behind_a_gap,
+    first_descent,
+    further,
+    with_slow_observer,
+)
 from frictionjax.diagnosis.refitting.refitted import Refitted
-from frictionjax.diagnosis.refitting.shortlist import behind_gaps
+from frictionjax.diagnosis.refitting.shortlist import backlash_candidates
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.estimation.descent.robust import Ending, Fitted, descend
-from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
-from frictionjax.estimation.parameters import changed
-from frictionjax.physics.effects import AbstractLoadEffect
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 
-_LEFT = 0.2  # part of the present misfit: when all refits leave more of it, they get a second start
 
-_FAR = 0.1  # misfit of a model that may sit in a wrong minimum
+@dataclasses.dataclass(frozen=True)
+class Hints:
+    """What the recordings and the screening show besides the short list: where a refit may start.
 
-_ALREADY = 0.3  # part of the present misfit: what leaves less after its first steps needs no other start
+    **Attributes:**
 
-_NEAR = 0.25  # part of the best refit's gain with the fast observer that brings another on to the slow one
+    - `pair`: antiresonance and resonance in the data, where they show any.
+    - `absorbed`: trials of what the base parameters can stand in for (`absorbed_by_base`).
+    - `gaps`: trials of a load behind a gap, one a form: it is searched where nothing explains most and stick lacks a
+      part of the inertia, or where it is on the short list.
+    - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
+    """
 
-_FIRST = 5  # steps after which candidates that lag behind are given up
-
-_PROMISING = 0.2  # part of the best one's gain by then
-
-_AT_LEAST = 3  # candidates that go on in any case
-
-_HOPELESS = 0.1  # part of the present misfit: what gains less of it in twelve steps will not gain half
+    pair: Pair | None = None
+    absorbed: Sequence[Trial] = ()
+    gaps: Sequence[Trial] = ()
+    stick_inertia: float | None = None
 
 
 def refit_all(
@@ -42,18 +51,18 @@ def refit_all(
     model: Model,
     scales: dict[str, float],
     executor: Executor,
-    pair: Pair | None = None,
-    absorbed: Sequence[Trial] = (),
-    hanging: Sequence[Trial] = (),
-    stick_inertia: float | None = None,
+    hints: Hints = Hints(),
+    *,
+    rule: Rule = Rule(),
+    effort: Effort = Effort(),
 ) -> list[Refitted]:
     """Refit `trials`, each an effect beside those of `model`, from their one-step estimates: all with the fast
     observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
     look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
-    began, with as much of the effect as its test promised, or as the `pair` shows; and so are the `absorbed` ones, from
-    a plain size and the base parameters that undo most of it.
+    started, with as much of the effect as its test promised, or as the resonance shows; and so are the absorbed ones,
+    from a plain size and the base parameters that undo most of it.
 
     **Arguments:**
 
@@ -61,159 +70,89 @@ def refit_all(
     - `model`: the model without them.
     - `scales`: the plant's sizes.
     - `executor`: runs them side by side.
-    - `pair`: antiresonance and resonance in the data, where they show any.
-    - `absorbed`: what the base parameters can stand in for (`hidden_in_the_base`).
-    - `hanging`: tests of a load behind a gap, one a form: it is searched (`diagnosis.search`) where nothing explains
-        most and stick lacks a part of the inertia, or where it is among the `trials`.
-    - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
+    - `hints`: where refits may start.
+    - `rule`: what is unpredictable beside a gap.
+    - `effort`: when candidates are given up.
     """
-    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
-    present = float(fast.misfits([model.fitted.vector])[0])
-    # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
-    graduate = model.joint.batch.imposed
-
-    def begin(trial: Trial) -> tuple[Posterior, Fitted]:
-        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        alone = vector
-        vector = _placed(joint, vector, trial.vector)
-        if graduate:
-            return joint, lowest(joint, [vector, *other_starts(joint, vector)])
-        found = first_steps(joint, [vector])
-        if not found.misfit > max(_FAR, _ALREADY * present):
-            return joint, found
-        # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
-        own = slice(len(model.joint.layout), len(joint.layout))
-        hangs = isinstance(trial.form, AbstractLoadEffect)
-        starts = [uncoupled(joint, one) if hangs else one for one in other_starts(joint, alone)]
-        other = first_steps(joint, [changed(alone, own, np.asarray(trial.vector)[own]), *starts])
-        return joint, min(found, other, key=lambda fitted: fitted.misfit)
-
-    def other_starts(joint: Posterior, vector) -> list:
-        """`vector` with the parameters of the effect where a refit of it begins besides."""
-        start = vector
-        for place in range(len(model.joint.layout), len(joint.layout)):
-            own = joint.layout[place].parameter
-            if own.other_start is None:
-                continue
-            unit = own.scale if isinstance(own.scale, float) else scales[str(own.scale)]
-            value = np.log(own.other_start * unit) if own.transform == "log" else own.other_start
-            start = changed(start, place, value)
-        return [] if start is vector else [start]
-
-    def lowest(joint: Posterior, starts: list) -> Fitted:
-        ends = [descend(joint, start, steps=12, tolerance=0.03) for start in starts]
-        return min(ends, key=lambda fitted: fitted.misfit)
-
-    def first_steps(joint: Posterior, starts: list) -> Fitted:
-        # From a step that gains wide knees lead no further than the noise's own.
-        ends = [descend(joint, start, graduate=False, steps=_FIRST, tolerance=0.03) for start in starts]
-        return min(ends, key=lambda fitted: fitted.misfit)
-
-    def go_on(begun: tuple[Posterior, Fitted]) -> tuple[Posterior, Fitted]:
-        joint, found = begun
-        if graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
-            return begun
-        return joint, descend(joint, found.vector, graduate=False, steps=12 - _FIRST, tolerance=0.03)
-
-    def again(trial: Trial, begun: tuple[Posterior, Fitted]) -> tuple[Posterior, Fitted]:
-        joint, found = begun
-        own = slice(len(model.joint.layout), len(joint.layout))
-        start = changed(joint.start, own, np.asarray(trial.vector)[own])
-        if pair is not None and isinstance(trial.form, AbstractLoadEffect):
-            shown = {"ratio": pair.ratio, "frequency": np.log(pair.frequency)}
-            for place in range(own.start, own.stop):
-                name = joint.layout[place].parameter.name
-                start = changed(start, place, shown[name]) if name in shown else start
-        other = lowest(joint, [start, *other_starts(joint, start)])
-        return joint, min(found, other, key=lambda fitted: fitted.misfit)
-
-    def sought(trial: Trial) -> tuple[Posterior, Fitted] | None:
-        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        found = searched(joint.at_bandwidth(SLOW_BANDWIDTH), vector, scales["zs"], ratio)
-        return None if found is None else (joint, descend(joint, found, graduate=False, steps=0))
-
-    def along_the_valley(trial: Trial) -> tuple[Posterior, Fitted]:
-        joint, vector = extend(fast, model.fitted.vector, trial.form, scales)
-        return joint, descend(joint, _placed(joint, vector, trial.valley), steps=_FIRST, tolerance=0.03)
-
-    def finish(pair: tuple[Trial, tuple[Posterior, Fitted]]) -> Refitted:
-        trial, (joint, found) = pair
-        slow, chaotic = joint.at_bandwidth(SLOW_BANDWIDTH), has_contacts(trial.form)
-        if chaotic:
-            # Contacts are shorter than anything else in the machine.
-            slow = told(slow, found.vector)
-            slow = told(with_steps(slow, steps_needed(slow, found.vector)), found.vector)
-        fitted = descend(slow, found.vector, graduate=False, steps=15, tolerance=0.01)
-        return Refitted(trial, Model(slow, fitted, judge(slow, fitted)))
-
     if not trials:
         return []
-    begun = _longest_first(executor, begin, trials)
-    ratio = load_ratio(model.joint, model.fitted.vector, stick_inertia)
-    chaotic = behind_gaps(trials)
-    if ratio is not None:
-        chaotic += [trial for trial in hanging if trial.effect not in {other.effect for other in chaotic}]
-    trials, begun = _foremost(trials, begun, present, _PROMISING)
-    begun = list(executor.map(go_on, begun))
+    budget = effort.refitting
+    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    start = Start(
+        model=model,
+        fast=fast,
+        misfit=float(fast.misfits([model.fitted.vector])[0]),
+        scales=scales,
+        # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
+        graduate=model.joint.batch.imposed,
+        ratio=load_ratio(model.joint, model.fitted.vector, hints.stick_inertia, effort=effort),
+        pair=hints.pair,
+        rule=rule,
+        effort=effort,
+    )
+    candidates = _longest_first(executor, start, trials)
+    candidates = _foremost(candidates, start, budget.lagging)
+    candidates = list(executor.map(lambda one: further(start, one), candidates))
+    candidates = _from_other_starts(candidates, trials, start, hints, executor)
+    finalists = _near_the_best(candidates, start)
+    return list(executor.map(lambda one: with_slow_observer(start, one), finalists))
+
+
+def _from_other_starts(
+    candidates: list[Candidate], trials: list[Trial], start: Start, hints: Hints, executor: Executor
+) -> list[Candidate]:
+    """The `candidates`, fitted again from where the base fit started where all leave most of its misfit; and, where
+    that does not help either, a load behind a gap."""
+    budget = start.effort.refitting
+    most = budget.left * start.misfit
     # A model that has effects already has left the minimum that the base model came to rest in.
-    stuck = min(found.misfit for _, found in begun) > _LEFT * present and present > _FAR
-    if stuck and not model.joint.drive.effects:
-        trials, begun = _foremost(trials, begun, present, _NEAR)
-        begun = list(executor.map(again, trials, begun))
-        begun, trials = begun + list(executor.map(along_the_valley, absorbed)), [*trials, *absorbed]
-    if stuck and min(found.misfit for _, found in begun) > _LEFT * present:
-        ends = [
-            (trial, end) for trial, end in zip(chaotic, executor.map(sought, chaotic), strict=True) if end
-        ]
-        begun, trials = begun + [end for _, end in ends], trials + [trial for trial, _ in ends]
-    gains = np.array([present - found.misfit for _, found in begun])
-    if model.joint.drive.effects and gains.max() < _HOPELESS * present:
+    stuck = min(one.fitted.misfit for one in candidates) > most and start.misfit > budget.far
+    if stuck and not start.model.joint.drive.effects:
+        candidates = _foremost(candidates, start, budget.near)
+        candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
+        absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
+        candidates = candidates + list(absorbed)
+    if stuck and min(one.fitted.misfit for one in candidates) > most:
+        gaps = backlash_candidates(trials)
+        if start.ratio is not None:
+            gaps += [t for t in hints.gaps if t.effect not in {other.effect for other in gaps}]
+        found = executor.map(lambda trial: behind_a_gap(start, trial), gaps)
+        candidates = candidates + [one for one in found if one is not None]
+    return candidates
+
+
+def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]:
+    """Those of the `candidates` that go on with the slow observer: near the best gain, the best of each form."""
+    budget = start.effort.refitting
+    gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
+    if start.model.joint.drive.effects and gains.max() < budget.hopeless * start.misfit:
         # One of them goes on, to be shown; none will be named beside the effects that are.
         best = int(np.argmax(gains))
-        trials, begun, gains = [trials[best]], [begun[best]], gains[best:][:1]
-    # A form may have begun from two places: the better end goes on.
-    better: dict[str, tuple[float, Trial, tuple[Posterior, Fitted]]] = {}
-    for trial, end, gain in zip(trials, begun, gains, strict=True):
-        form = type(trial.form).__name__
-        if gain > _NEAR * gains.max() and (form not in better or gain > better[form][0]):
-            better[form] = gain, trial, end
-    return list(executor.map(finish, [(trial, end) for _, trial, end in better.values()]))
+        candidates, gains = [candidates[best]], gains[best:][:1]
+    # A form may have started from two places: the better end goes on.
+    better: dict[str, tuple[float, Candidate]] = {}
+    for one, gain in zip(candidates, gains, strict=True):
+        form = type(one.trial.form).__name__
+        if gain > budget.near * gains.max() and (form not in better or gain > better[form][0]):
+            better[form] = gain, one
+    return [one for _, one in better.values()]
 
 
-def _longest_first(
-    executor: Executor, begin: Callable[[Trial], tuple[Posterior, Fitted]], trials: list[Trial]
-) -> list[tuple[Posterior, Fitted]]:
-    """What `begin` makes of each of the `trials`, in their order. Those with the most parameters are begun first: begun
+def _longest_first(executor: Executor, start: Start, trials: list[Trial]) -> list[Candidate]:
+    """The first descent of each of the `trials`, in their order. Those with the most parameters start first: started
     last, the slowest of all would keep one core busy while the others wait."""
     order = sorted(range(len(trials)), key=lambda number: -len(trials[number].vector))
-    done = executor.map(begin, [trials[number] for number in order])
+    done = executor.map(lambda trial: first_descent(start, trial), [trials[number] for number in order])
     return [made for _, made in sorted(zip(order, done, strict=True), key=lambda pair: pair[0])]
 
 
-def _placed(joint: Posterior, vector: Float[Array, " q"], told: Float[Array, " p"]) -> Float[Array, " q"]:
-    """`vector` with what a test told: parameters, and the starting deflections of the fitted recordings."""
-    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
-    places = np.concatenate([np.arange(count), count + rows])
-    return changed(vector, places, told)
-
-
-def uncoupled(joint: Posterior, vector: Float[Array, " q"]) -> Float[Array, " q"]:
-    """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
-    it shows where the load hangs in its gap most of the time: J is larger, stiffness and damping are what they were."""
-    load = joint.drive_of(vector).load_side
-    assert load is not None
-    return heavier(joint, vector, 1.0 / (1.0 - load.ratio))
-
-
-def _foremost(
-    trials: list[Trial], begun: list[tuple[Posterior, Fitted]], present: float, part: float
-) -> tuple[list[Trial], list[tuple[Posterior, Fitted]]]:
-    """Those that gain more than `part` of what the best one gains on the misfit `present`, and the first three."""
-    order = sorted(range(len(begun)), key=lambda number: begun[number][1].misfit)
-    most = present - begun[order[0]][1].misfit
-    kept = [
-        number
+def _foremost(candidates: list[Candidate], start: Start, part: float) -> list[Candidate]:
+    """Those that gain more than `part` of what the best one gains on the misfit at the `start`, and the first few."""
+    order = sorted(range(len(candidates)), key=lambda number: candidates[number].fitted.misfit)
+    most = start.misfit - candidates[order[0]].fitted.misfit
+    return [
+        candidates[number]
         for place, number in enumerate(order)
-        if place < _AT_LEAST or present - begun[number][1].misfit > part * most
+        if place < start.effort.refitting.least_kept
+        or start.misfit - candidates[number].fitted.misfit > part * most
     ]
-    return [trials[number] for number in kept], [begun[number] for number in kept]

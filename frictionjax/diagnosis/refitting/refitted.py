@@ -4,16 +4,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.descent.robust import descend
-
-_EASE = (
-    0.1  # of the power that a model leaves: errors below it do not count while nothing comes near the noise
-)
-
-_EASED = 0.3  # logarithm of a change of the noise that is worth a refit
 
 
 class Refitted(eqx.Module):
@@ -36,17 +32,17 @@ class Refitted(eqx.Module):
         return type(self.trial.form).__name__
 
 
-def polish(candidate: Refitted) -> Refitted:
+def polish(candidate: Refitted, *, effort: Effort = Effort()) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=25)
+    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=effort.refitting.polish_steps)
     return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
 
 
-def ease(model: Model) -> Model:
+def ease(model: Model, *, rule: Rule = Rule(), effort: Effort = Effort()) -> Model:
     """The same model, refitted where it is far from the noise of an imposed motion's force: errors are then weighed
-    against a third of what it leaves in the middle one of the blocks, and a step of the selection sees which candidate
-    takes off most of them.
+    against a third of what it leaves in the middle one of the blocks, and a step of the selection finds the candidate
+    that removes most of them.
 
     Against the noise the cost of a block is the logarithm of its error. A model that is everywhere fifty times worse
     would be fitted to the blocks in which its error happens to pass through zero.
@@ -55,9 +51,14 @@ def ease(model: Model) -> Model:
     if not batch.imposed:
         return model
     scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted[0])[:, None] > 0)
-    wanted = max(np.sqrt(_EASE * float(np.median(model.judgement.power[scored]))), 1.0)
-    if abs(np.log(wanted / float(batch.ease[0]))) < _EASED:
+    wanted = ease_of(model.judgement.power[scored], rule)
+    if abs(np.log(wanted / float(batch.ease[0]))) < effort.refitting.eased:
         return model
     joint = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
     fitted = descend(joint, model.fitted.vector, graduate=False)
     return Model(joint, fitted, judge(joint, fitted))
+
+
+def ease_of(power: np.ndarray, rule: Rule) -> float:
+    """The level that errors are weighed against where a model leaves blocks of this `power`, in noise levels."""
+    return max(np.sqrt(rule.floor.ease * float(np.median(power))), 1.0)

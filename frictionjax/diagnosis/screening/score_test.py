@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.screening.linearised import BESIDE, Present
 from frictionjax.estimation.evidence.power import lane_powers, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
@@ -28,8 +29,6 @@ _T = TypeVar("_T")
 _DAMPING = (1.0, 0.4)
 _LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
-_HOPELESS = 1e-4  # linear gain per sample that is not worth a simulation
-_FAINT = 0.02  # the same, over the largest linear gain of all effects
 _NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
 
 
@@ -125,15 +124,18 @@ class _Probe(NamedTuple):
     sizes: tuple[float, ...]
 
 
-def try_form(present: Present, instances: list[AbstractEffect], scales: dict[str, float]) -> list[Trial]:
+def try_form(
+    present: Present, instances: list[AbstractEffect], scales: dict[str, float], *, effort: Effort = Effort()
+) -> list[Trial]:
     """Test one form of an effect against the `present` model: its `promises_of`, `simulated`."""
-    return simulated(present, promises_of(present, [instances], scales))[0]
+    least = effort.screening.least_promise
+    return simulated(present, promises_of(present, [instances], scales), least)[0]
 
 
-def worth_simulating(promised: list[list[Promise]]) -> float:
-    """Linear gain below which none of what all forms `promised` is worth a simulation. What is missing promises more
-    than it gains, and next to what promises fifty times as much it is not what is missing."""
-    return _FAINT * max((promise.linear_gain for some in promised for promise in some), default=0.0)
+def worth_simulating(promised: list[list[Promise]], *, effort: Effort = Effort()) -> float:
+    """Linear gain below which none of what all forms `promised` is worth a simulation, by the `effort`."""
+    most = max((promise.linear_gain for some in promised for promise in some), default=0.0)
+    return max(effort.screening.least_promise, effort.screening.faint * most)
 
 
 def promises_of(
@@ -275,7 +277,7 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
     return Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
 
 
-def simulated(present: Present, promised: Sequence[list[Promise]], least: float = 0.0) -> list[list[Trial]]:
+def simulated(present: Present, promised: Sequence[list[Promise]], least: float) -> list[list[Trial]]:
     """The trials of what each of some forms `promised`, best first. Those that come to no more than `least` are not
     simulated, and have no gain; of the first every candidate is, of the second the undamped ones, of the others none.
     """
@@ -310,7 +312,7 @@ def _worth_it(promises: list[Promise], least: float) -> list[tuple[int, np.ndarr
     return [
         (rank, vector)
         for rank, promise in enumerate(promises[:2])
-        if promise.linear_gain > max(_HOPELESS, least)
+        if promise.linear_gain > least
         for vector in promise.candidates[:: 1 if rank == 0 else len(_DAMPING)]
     ]
 

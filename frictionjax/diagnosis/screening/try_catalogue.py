@@ -5,6 +5,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.periods import Wavelengths, wavelengths
@@ -25,8 +26,6 @@ _TO_A_TASK = (
     4  # forms that are tested one after the other: each fills half a program, and two of them go together
 )
 
-_LEVELLED = 0.2  # misfit above which a model may have given up a whole regime
-
 
 def try_catalogue(
     model: Model,
@@ -34,6 +33,8 @@ def try_catalogue(
     executor: Executor,
     without: frozenset[str],
     pair: Pair | None = None,
+    *,
+    effort: Effort = Effort(),
 ) -> list[list[Trial]]:
     """Every form of every effect of the catalogue, except those in the model and those named in `without` (effects or
     forms), at every point of its grid; second inertias at the antiresonance of the `pair`, too.
@@ -41,7 +42,7 @@ def try_catalogue(
     **Returns:** the trials of the model as it is, and, where it is far from the noise, those of the model where it
     misses all regimes alike (`level_out`).
     """
-    presents = _presents(model, executor)
+    presents = _presents(model, executor, effort)
     present, batch = presents[0], presents[0].joint.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
@@ -72,7 +73,7 @@ def try_catalogue(
     simulating = []
     for seen, promises in zip(presents, promising, strict=True):
         promised = [one for some in promises for one in some]
-        least = worth_simulating(promised)
+        least = worth_simulating(promised, effort=effort)
         simulating.append(
             executor.map(
                 lambda some, seen=seen, least=least: simulated(seen, some, least), lots(promised, _TO_A_TASK)
@@ -91,11 +92,11 @@ def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
     return dataclasses.replace(trial, p_value=min(1.0, trial.p_value * times)) if times > 1.0 else trial
 
 
-def _presents(model: Model, executor: Executor) -> list[Present]:
+def _presents(model: Model, executor: Executor, effort: Effort) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
     fast, vector = model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
     present = executor.submit(present_model, fast, vector)
-    if fast.batch.imposed or fast.misfits([vector])[0] < _LEVELLED:
+    if fast.batch.imposed or fast.misfits([vector])[0] < effort.screening.level:
         return [present.result()]
     level = level_out(fast, vector)
     return [present.result(), present_model(fast, level)]

@@ -10,12 +10,14 @@ catalogue and without it, as if one machine in five lacked what no catalogue has
 names are right than P says. P decides nothing.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import energy_explained, explained
-from frictionjax.diagnosis.selection.decide import Step
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.table import Comparison
 
 BIAS = -3.0
 WEIGHTS = (0.5, 0.5, 2.5, 0.3)
@@ -47,24 +49,20 @@ class Evidence(NamedTuple):
         return float(1.0 / (1.0 + np.exp(-(BIAS + self.features @ np.asarray(WEIGHTS)))))
 
 
-def evidence_of(steps: list[Step]) -> list[Evidence]:
-    """The `Evidence` for each effect that the selection accepted, in its order."""
-    accepted = [step for step in steps if step.accepted is not None]
-    if not accepted:
+def evidence_of(chain: Sequence[Round], whole: Comparison | None, *, rule: Rule = Rule()) -> list[Evidence]:
+    """The `Evidence` for each effect that the selection accepted, in its order.
+
+    **Arguments:** the `chain` of rounds; `whole`, the last accepted model against the base model, None where nothing
+    was accepted; the `rule`.
+    """
+    if whole is None:
         return []
-    last = accepted[-1].accepted
-    assert last is not None
-    ends = steps[0].before.judgement, last.model.judgement, steps[-1].floor
-    whole, energy = min(explained(*ends)), min(energy_explained(*ends))
-    found = []
-    for step in accepted:
-        assert step.accepted is not None
-        compared = step.compared[step.refits.index(step.accepted)]
-        others = [
-            c.worth
-            for r, c in zip(step.refits, step.compared, strict=True)
-            if r.effect != step.accepted.effect
-        ]
-        lead = compared.worth - max(others, default=0.0)
-        found.append(Evidence(whole, min(compared.share_fit, compared.share_holdout), lead, energy))
+    all_of_it, found = whole.gains(rule), []
+    for one in chain:
+        if one.accepted is None:
+            continue
+        gains = one.row.gains(rule)
+        others = [row.gains(rule).worth for row in one.table.rows if row.effect != one.row.effect]
+        lead = gains.worth - max(others, default=0.0)
+        found.append(Evidence(all_of_it.share, gains.share, lead, all_of_it.energy))
     return found

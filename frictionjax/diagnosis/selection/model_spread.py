@@ -1,4 +1,4 @@
-"""Moved: how far what a named effect leaves may have moved the parameters told with it."""
+"""Model spread: how far what a named effect leaves may have biased the parameters reported with it."""
 
 import dataclasses
 import math
@@ -6,8 +6,9 @@ import math
 import numpy as np
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.evidence.judgement import ADEQUATE_MISFIT
-from frictionjax.diagnosis.selection.decide import Step, clear, effect_p_values
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import clear
+from frictionjax.diagnosis.selection.step import Step
 from frictionjax.estimation.parameters import Free, part_of
 from frictionjax.physics import Drive
 
@@ -18,7 +19,7 @@ _MOVED = (
 
 
 def moved(
-    extended: dict[str, Estimate], layout: tuple[Free, ...], steps: list[Step]
+    extended: dict[str, Estimate], layout: tuple[Free, ...], steps: list[Step], *, rule: Rule = Rule()
 ) -> tuple[dict[str, Estimate], str]:
     """The `extended` model's parameters with what other effects would make of them in their errors, and what is to be
     said of that; as they are, and nothing, where nothing is named or what is named leaves noise.
@@ -34,29 +35,28 @@ def moved(
     - `extended`: label -> `Estimate`.
     - `layout`: of the model that was named last; of its labels.
     - `steps`: the rounds of the selection.
+    - `rule`: when a model leaves only noise, and what chance does not bring.
     """
     last = next((step.accepted for step in reversed(steps) if step.accepted is not None), None)
-    if last is None or all(last.model.judgement.within(steps[-1].floor, ADEQUATE_MISFIT)):
+    if last is None or all(last.model.judgement.within(steps[-1].floor, rule.limits.adequate, rule=rule)):
         return extended, ""
-    others, here, told = _others(steps[-1]), steps[-1].before.judgement.drive, dict(extended)
+    others, here, wider = _others(steps[-1], rule), steps[-1].before.judgement.drive, dict(extended)
     for free in layout:
         there = [np.asarray(part_of(drive, free.path)) for drive in others]
         distance = max(
             (float(np.max(np.abs(value - part_of(here, free.path)))) for value in there), default=0.0
         )
         own = extended[free.label]
-        told[free.label] = dataclasses.replace(own, stderr=math.hypot(own.stderr, distance))
-    return told, _MOVED
+        wider[free.label] = dataclasses.replace(own, stderr=math.hypot(own.stderr, distance))
+    return wider, _MOVED
 
 
-def _others(step: Step) -> list[Drive]:
+def _others(step: Step, rule: Rule) -> list[Drive]:
     """What a refused round made of the model, with each effect that chance does not bring; none where it accepted."""
     if step.accepted is not None:
         return []
-    before, p_values = step.before.judgement, effect_p_values(step.trials)
     return [
         refit.model.judgement.drive
-        for refit, compared in zip(step.refits, step.compared, strict=True)
-        if min(compared.share_fit, compared.share_holdout) > 0.0
-        and clear(compared, before, step.floor, p_values[refit.effect])
+        for refit, row in zip(step.refits, step.compared, strict=True)
+        if row.gains(rule).share > 0.0 and clear(row, rule)
     ]

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from typing import ClassVar
 
-from frictionjax.diagnosis.mismatch_map.where_words import SIGNIFICANT
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
 from frictionjax.report.format import number, p_equals, percent, words
 from frictionjax.report.html import gauge, legend, pair, text
@@ -22,7 +21,6 @@ _INTRO = (
     "<b>Excess</b>: power of the residual over its noise floor (the tick, at 1); four times the power is twice the "
     "error."
 )
-_CHANCE = f" Grey bins are not significant (family-wise p > {SIGNIFICANT:g})."
 
 
 class Mismatch(AbstractSection):
@@ -39,11 +37,14 @@ class Mismatch(AbstractSection):
         after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
         # One scale for all axes but frequency, where the excess is far larger in bins that the observer suppresses.
         wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
+        level = diagnosis.rule.place.significant
         tables = "".join(
-            _axis(name, cells, after, _highest(cells) if name == "frequency" else wide)
+            _axis(name, cells, after, _highest(cells) if name == "frequency" else wide, level)
             for name, cells in axes.items()
         )
-        grey = _CHANCE if any(map(_may_be_chance, diagnosis.mismatch)) else ""
+        grey = ""
+        if any(cell.p_value >= level for cell in diagnosis.mismatch):
+            grey = f" Grey bins are not significant (family-wise p > {level:g})."
         parts = "".join(map(_part, diagnosis.within))
         parts = f'<ul class="within">{parts}</ul>' if parts else ""
         return f'<p>{_INTRO}{grey}</p>{parts}{legend(after, marks=True)}<div class="axes">{tables}</div>'
@@ -64,16 +65,14 @@ def _highest(cells: Iterable[MismatchBin]) -> float:
     return 1.5 * max([10.0, *(cell.excess for cell in cells if math.isfinite(cell.excess))])
 
 
-def _may_be_chance(cell: MismatchBin) -> bool:
-    return cell.p_value >= SIGNIFICANT
-
-
-def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:
+def _axis(name: str, cells: list[MismatchBin], after: bool, high: float, level: float) -> str:
     # The strongest bins keep their natural order: a map is read along its axis.
     kept = sorted(range(len(cells)), key=lambda k: -_finite(cells[k].share))[:_MOST]
     # Bold: a share twice that of an even distribution over the bins; on short axes, 60 %.
     striking = 2.0 * sum(_finite(cell.share) for cell in cells) / len(cells) if len(cells) > 3 else 0.6
-    rows = "".join(_row(cells[k], _finite(cells[k].share) >= striking, after, high) for k in sorted(kept))
+    rows = "".join(
+        _row(cells[k], _finite(cells[k].share) >= striking, after, high, level) for k in sorted(kept)
+    )
     if len(kept) < len(cells):
         rest = sum(_finite(cell.share) for k, cell in enumerate(cells) if k not in kept)
         rows += (
@@ -86,11 +85,11 @@ def _axis(name: str, cells: list[MismatchBin], after: bool, high: float) -> str:
     )
 
 
-def _row(cell: MismatchBin, striking: bool, after: bool, high: float) -> str:
+def _row(cell: MismatchBin, striking: bool, after: bool, high: float, level: float) -> str:
     extended = cell.excess_extended if after and math.isfinite(cell.excess_extended) else None
     excess = pair(number(cell.excess, 2), None if extended is None else number(extended, 2))
     width = 100 * min(max(_finite(cell.share), 0.0), 1.0)
-    css = "chance" if _may_be_chance(cell) else "striking" if striking else ""
+    css = "chance" if cell.p_value >= level else "striking" if striking else ""
     return (
         f'<tr class="{css}"><th scope="row">{text(cell.bin)}</th>'
         f'<td class="share"><span class="bar"><i style="width:{width:.1f}%"></i></span> {percent(cell.share)}</td>'

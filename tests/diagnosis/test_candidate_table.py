@@ -10,9 +10,13 @@ from helpers_estimation import FINE, PLANT, break_away, open_loop, stick_noise
 from helpers_plants import effect
 
 from frictionjax.diagnosis.evidence.judgement import Judgement, explained
-from frictionjax.diagnosis.selection.decide import _above, _excused, _explained_where_told
-from frictionjax.diagnosis.selection.select import _leaves_chaos
-from frictionjax.diagnosis.selection.verdict_rule import most_left
+from frictionjax.diagnosis.evidence.noise_floor import Answer
+from frictionjax.diagnosis.selection.candidate_table import (
+    excused_floor,
+    explained_where_predictable,
+    ground_of,
+    keeps_the_best,
+)
 from frictionjax.estimation.data.batch import make_batch
 
 
@@ -29,37 +33,36 @@ def judged():
 
 
 @pytest.mark.parametrize("left", [3.0, 30.0, 1e4, np.inf])
-def test_no_more_than_half_is_excused(judged, left):
+def test_no_more_than_half_isexcused_floor(judged, left):
     floor = np.ones((2, 1))
-    raised = _excused(judged, floor, np.full(judged.power.shape, min(left, 1e6)))
+    raised = excused_floor(judged, floor, np.full(judged.power.shape, min(left, 1e6)))
     whole, rest = np.array(judged.misfits(floor)), np.array(judged.misfits(raised))
     assert np.all(rest >= 0.5 * whole)
     assert np.all(rest < whole)
 
 
 def test_what_a_chaotic_machine_leaves_itself_is_the_floor_where_less_was_explained_before(judged):
-    raised = _excused(judged, np.ones((2, 1)), np.full(judged.power.shape, 3.0))
+    raised = excused_floor(judged, np.ones((2, 1)), np.full(judged.power.shape, 3.0))
     np.testing.assert_array_equal(raised, np.where(judged.power > 3.0, 3.0, 1.0))
 
 
 def test_nothing_is_excused_where_nothing_is_left(judged):
     floor = np.full((2, 1), 2.0)
     np.testing.assert_array_equal(
-        _excused(judged, floor, np.zeros(judged.power.shape)), floor * np.ones(judged.power.shape)
+        excused_floor(judged, floor, np.zeros(judged.power.shape)), floor * np.ones(judged.power.shape)
     )
 
 
 def test_what_a_chaotic_machine_explains_is_seen_where_its_fit_saw_anything(judged):
-    """It mends the loud blocks that its fit saw, and is far off in the others, which are chaotic."""
+    """It corrects the loud blocks that its fit saw, and is far off in the others, which are chaotic."""
     batch, blocks = judged.batch, np.arange(judged.power.shape[1])
     seen = np.broadcast_to(blocks < blocks.size // 2, judged.power.shape)
-    weight = batch.valid * jnp.repeat(jnp.asarray(1.0 * seen), batch.block, axis=1)
-    joint = SimpleNamespace(batch=batch, setting=SimpleNamespace(weight=weight))
+    joint = SimpleNamespace(batch=batch, weights=(jnp.asarray(1.0 * seen).ravel(),))
     mended = eqx.tree_at(lambda j: j.power, judged, np.where(seen, 1.0, 1e4))
     rigid, chaotic = SimpleNamespace(judgement=judged), SimpleNamespace(judgement=mended, joint=joint)
     floor = np.ones((2, 1))
     assert min(explained(judged, mended, floor)) < 0.0
-    assert _explained_where_told(rigid, chaotic, floor) == pytest.approx((1.0, 1.0))
+    assert explained_where_predictable(rigid, chaotic, floor) == pytest.approx((1.0, 1.0))
 
 
 def _with(judged, *effects, power=None):
@@ -70,8 +73,8 @@ def _with(judged, *effects, power=None):
 
 @pytest.mark.parametrize("leader_stays", [True, False])
 def test_a_floor_is_raised_only_if_the_same_candidate_leads_above_it(judged, leader_stays):
-    """The gap mends the early blocks, which are more; another the late ones, which are all that is left above the floor
-    that excuses the early ones."""
+    """The gap corrects the early blocks, which are more; another the late ones, which are all that is left above the
+    floor that excuses the early ones."""
     count = np.sum(np.asarray(judged.batch.block_count) > 0.0, axis=1, keepdims=True)
     early = np.arange(judged.power.shape[1]) < 0.6 * count
     quiet = np.ones_like(judged.power)
@@ -80,25 +83,23 @@ def test_a_floor_is_raised_only_if_the_same_candidate_leads_above_it(judged, lea
     )
     other = _with(judged, effect("Creep"), power=np.where(early, judged.power, 1.0))
     refits = [SimpleNamespace(model=other), SimpleNamespace(model=gap)]
-    floor, raised = quiet, np.where(early, 300.0, 1.0)
-    found, compared, ranked = _above(_with(judged), refits, floor, raised)
-    assert ranked[0].model is gap
-    assert found is (raised if leader_stays else floor)
-    assert compared[id(ranked[0])].worth >= compared[id(ranked[1])].worth
+    raised = np.where(early, 300.0, 1.0)
+    assert keeps_the_best(_with(judged), refits, quiet, raised) == leader_stays
+
+
+def _joint(judged):
+    """As much of an objective as a floor needs, of white noise that leaves unit power."""
+    return SimpleNamespace(batch=judged.batch, fitted=(jnp.array([1.0, 0.0]),))
 
 
 def test_beside_a_gap_a_raised_floor_stays(judged):
     """A chaotic machine's floor is that of the round before."""
+    unit = np.ones((1, *judged.power.shape))
+    answer = Answer(np.zeros(judged.power.shape), unit, 0.0 * unit, 0.0 * unit)
+    model = _with(judged, effect("Backlash"))
+    model.joint = _joint(judged)
     refits = [SimpleNamespace(model=_with(judged, power=np.ones_like(judged.power)))]
-    raised = np.full((2, 1), 5.0)
-    assert _above(_with(judged, effect("Backlash")), refits, np.ones((2, 1)), raised)[0] is raised
-
-
-@pytest.mark.parametrize("name", ["Backlash", "FlexibleTransmission"])
-def test_rounds_end_beside_a_gap_that_explains_enough(judged, name):
-    """What a gap leaves is chaos; what a spring leaves may be something else."""
-    model = _with(judged, effect(name))
-    limit = most_left(model.judgement.drive.effects)
-    enough, short = 1.0 - 0.9 * limit, 1.0 - 1.1 * limit
-    assert _leaves_chaos(model, (enough, enough)) == (name == "Backlash")
-    assert not _leaves_chaos(model, (enough, short))
+    plain = ground_of(model, refits, answer).floor
+    before = np.full(judged.power.shape, 5.0)
+    assert np.all(plain < 5.0)
+    np.testing.assert_array_equal(ground_of(model, refits, answer, before).floor, before)

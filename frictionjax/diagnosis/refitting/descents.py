@@ -1,0 +1,189 @@
+"""Descents of one candidate: where it starts, and how it goes on."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model, has_contacts
+from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
+from frictionjax.diagnosis.refitting.backlash_search import heavier, search_backlash, without_chaos
+from frictionjax.diagnosis.refitting.refitted import Refitted
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.resonance import Pair
+from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.estimation.descent.robust import Ending, Fitted, descend
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
+from frictionjax.estimation.parameters import changed
+from frictionjax.physics.effects import AbstractLoadEffect
+
+Vector = Float[Array, " q"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """What all candidates of a round start from.
+
+    **Attributes:** `model` (without them), `fast` (its objective with the fast observer), its `misfit` there, `scales`
+    (the plant's sizes), `graduate` (whether descents begin with a wide loss), `ratio` (part of the inertia that stick
+    lacks, or None), `pair` (antiresonance and resonance, or None), `rule`, `effort`.
+    """
+
+    model: Model
+    fast: Posterior
+    misfit: float
+    scales: dict[str, float]
+    graduate: bool
+    ratio: float | None
+    pair: Pair | None
+    rule: Rule
+    effort: Effort
+
+    def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
+        """Objective and vector of the model with the silent effect of the `trial`."""
+        return extend(self.fast, self.model.fitted.vector, trial.form, self.scales)
+
+    def own(self, joint: Posterior) -> slice:
+        """Places of the candidate's own parameters in a vector of its objective `joint`."""
+        return slice(len(self.model.joint.layout), len(joint.layout))
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """A candidate under way: the `trial` that it comes from, its objective `joint`, and where it is, `fitted`."""
+
+    trial: Trial
+    joint: Posterior
+    fitted: Fitted
+
+
+def first_descent(start: Start, trial: Trial) -> Candidate:
+    """The first steps of the candidate of a `trial`: from its one-step estimate and, where these leave much, from the
+    other starts of its effect."""
+    joint, alone = start.extended(trial)
+    vector = _placed(joint, alone, trial.vector)
+    if start.graduate:
+        return Candidate(trial, joint, _lowest(start, joint, [vector, *_other_starts(start, joint, vector)]))
+    found = _first_steps(start, joint, [vector])
+    budget = start.effort.refitting
+    if not found.misfit > max(budget.far, budget.settled * start.misfit):
+        return Candidate(trial, joint, found)
+    # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
+    own, with_load = start.own(joint), isinstance(trial.form, AbstractLoadEffect)
+    others = _other_starts(start, joint, alone)
+    others = [uncoupled(joint, one) if with_load else one for one in others]
+    other = _first_steps(start, joint, [changed(alone, own, np.asarray(trial.vector)[own]), *others])
+    return Candidate(trial, joint, min(found, other, key=lambda fitted: fitted.misfit))
+
+
+def further(start: Start, candidate: Candidate) -> Candidate:
+    """The `candidate` after the rest of its steps with the fast observer."""
+    found, budget = candidate.fitted, start.effort.refitting
+    if start.graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
+        return candidate
+    steps = budget.steps - budget.first_steps
+    fitted = descend(candidate.joint, found.vector, graduate=False, steps=steps, tolerance=budget.tolerance)
+    return dataclasses.replace(candidate, fitted=fitted)
+
+
+def at_the_resonance(start: Start, candidate: Candidate) -> Candidate:
+    """The `candidate`, or a better end of it from where the base fit started, with as much of the effect as its test
+    promised, or as the resonance shows."""
+    trial, joint, own = candidate.trial, candidate.joint, start.own(candidate.joint)
+    vector = changed(joint.start, own, np.asarray(trial.vector)[own])
+    if start.pair is not None and isinstance(trial.form, AbstractLoadEffect):
+        shown = {"ratio": start.pair.ratio, "frequency": np.log(start.pair.frequency)}
+        for place in range(own.start, own.stop):
+            name = joint.layout[place].parameter.name
+            vector = changed(vector, place, shown[name]) if name in shown else vector
+    other = _lowest(start, joint, [vector, *_other_starts(start, joint, vector)])
+    return dataclasses.replace(
+        candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
+    )
+
+
+def along_the_minimum(start: Start, trial: Trial) -> Candidate:
+    """The candidate of a `trial` that base parameters can undo, from a plain size and base parameters that undo it."""
+    joint, vector = start.extended(trial)
+    budget = start.effort.refitting
+    first = _placed(joint, vector, trial.valley)
+    return Candidate(
+        trial, joint, descend(joint, first, steps=budget.first_steps, tolerance=budget.tolerance)
+    )
+
+
+def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
+    """The candidate of a `trial` with a gap, searched; None where no gap predicts sliding better."""
+    joint, vector = start.extended(trial)
+    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    found = search_backlash(
+        slow, vector, start.scales["zs"], start.ratio, rule=start.rule, effort=start.effort
+    )
+    if found is None:
+        return None
+    return Candidate(trial, joint, descend(joint, found, graduate=False, steps=0))
+
+
+def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
+    """The `candidate` after its last descent, with the slow observer, and judged."""
+    found, rule = candidate.fitted.vector, start.rule
+    slow = candidate.joint.at_bandwidth(SLOW_BANDWIDTH)
+    if has_contacts(candidate.trial.form):
+        # Contacts are shorter than anything else in the machine.
+        slow = without_chaos(slow, found, rule=rule)
+        slow = without_chaos(with_steps(slow, steps_needed(slow, found, rule=rule)), found, rule=rule)
+    budget = start.effort.refitting
+    fitted = descend(slow, found, graduate=False, steps=budget.slow_steps, tolerance=budget.slow_tolerance)
+    return Refitted(candidate.trial, Model(slow, fitted, judge(slow, fitted)))
+
+
+def uncoupled(joint: Posterior, vector: Vector) -> Vector:
+    """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
+    it shows where the load is free in its gap most of the time: J is larger, stiffness and damping are what they
+    were."""
+    load = joint.drive_of(vector).load_side
+    assert load is not None
+    return heavier(joint, vector, 1.0 / (1.0 - load.ratio))
+
+
+def _placed(joint: Posterior, vector: Vector, estimate: Float[Array, " p"]) -> Vector:
+    """`vector` with the `estimate` of a test: parameters, and the starting deflections of the fitted recordings."""
+    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
+    places = np.concatenate([np.arange(count), count + rows])
+    return changed(vector, places, estimate)
+
+
+def _other_starts(start: Start, joint: Posterior, vector: Vector) -> list[Vector]:
+    """`vector` with the parameters of the effect where a refit of it starts besides."""
+    other, own = vector, start.own(joint)
+    for place in range(own.start, own.stop):
+        parameter = joint.layout[place].parameter
+        if parameter.other_start is None:
+            continue
+        scale = parameter.scale
+        unit = scale if isinstance(scale, float) else start.scales[str(scale)]
+        log = parameter.transform == "log"
+        value = np.log(parameter.other_start * unit) if log else parameter.other_start
+        other = changed(other, place, value)
+    return [] if other is vector else [other]
+
+
+def _lowest(start: Start, joint: Posterior, starts: list[Vector]) -> Fitted:
+    """The lowest end of descents from the `starts` that begin with a wide loss."""
+    budget = start.effort.refitting
+    ends = [descend(joint, one, steps=budget.steps, tolerance=budget.tolerance) for one in starts]
+    return min(ends, key=lambda fitted: fitted.misfit)
+
+
+def _first_steps(start: Start, joint: Posterior, starts: list[Vector]) -> Fitted:
+    """The lowest end of the first steps from the `starts`."""
+    budget = start.effort.refitting
+    # From a step that gains a wide loss leads no further than the noise's own.
+    ends = [
+        descend(joint, one, graduate=False, steps=budget.first_steps, tolerance=budget.tolerance)
+        for one in starts
+    ]
+    return min(ends, key=lambda fitted: fitted.misfit)

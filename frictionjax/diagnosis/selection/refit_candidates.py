@@ -1,0 +1,136 @@
+"""Candidates: effects of the catalogue tested beside a model, and the best of them refitted."""
+
+import dataclasses
+from concurrent.futures import Executor
+
+import jax.numpy as jnp
+import numpy as np
+
+from frictionjax.core import Progress
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.comparison import compare
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.refitting.refit import Hints, refit_all
+from frictionjax.diagnosis.refitting.refitted import Refitted, polish
+from frictionjax.diagnosis.refitting.shortlist import (
+    absorbed_by_base,
+    backlash_candidates,
+    one_of_each,
+    short_list,
+)
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.resonance import Pair
+from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
+from frictionjax.estimation.descent.robust import descend
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
+from frictionjax.physics.effects import catalogue
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidates:
+    """Tests the catalogue beside a model, and refits the best.
+
+    **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `scales` (the
+    plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
+    or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
+    not refitted), `stick_inertia` (that noise in stick shows, or None), `rule`, `effort`.
+    """
+
+    executor: Executor
+    progress: Progress
+    scales: dict[str, float]
+    pair: Pair | None
+    without: frozenset[str]
+    barred: frozenset[str]
+    stick_inertia: float | None
+    rule: Rule
+    effort: Effort
+
+    def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
+        """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
+        converged; with the model without them, which is a better one where a refit led to it."""
+        budget, start, span = self.effort.screening, number / self.effort.rounds, 1.0 / self.effort.rounds
+        self.progress(f"testing every effect, round {number + 1}", start)
+        tried = try_catalogue(model, self.scales, self.executor, self.without, self.pair, effort=self.effort)
+        most = budget.first_forms if number == 0 else budget.later_forms
+        chosen = self._worth_refitting(model, tried, most)
+        self.progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
+        open_to = [trial for trial in tried[0] if trial.effect not in self.barred]
+        hints = Hints(
+            self.pair,
+            absorbed_by_base(open_to, effort=self.effort),
+            backlash_candidates(open_to),
+            self.stick_inertia,
+        )
+        refits = refit_all(
+            chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
+        )
+        model = better_base(model, refits, effort=self.effort)
+        return model, [trial for some in tried for trial in some], self._polished(model, refits)
+
+    def related(self, model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
+        """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`."""
+        without = self.without | (frozenset(catalogue()) - names)
+        tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
+        chosen = self._worth_refitting(model, tried, self.effort.screening.later_forms)
+        refits = refit_all(
+            chosen, model, self.scales, self.executor, Hints(self.pair), rule=self.rule, effort=self.effort
+        )
+        return [trial for some in tried for trial in some], refits
+
+    def _polished(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
+        """The `refits`, the best first; the two best converged where their last steps may decide between them."""
+        budget, least = self.effort.refitting, model.joint.batch.eased[:, None]
+        worth = {
+            id(refit): compare(model.judgement, refit.model.judgement, least, rule=self.rule)
+            .gains(self.rule)
+            .worth
+            for refit in refits
+        }
+        refits = sorted(refits, key=lambda refit: -worth[id(refit)])
+        close = [
+            refit
+            for refit in refits[:2]
+            if worth[id(refit)] > max(budget.worthless, worth[id(refits[0])] - budget.close)
+        ]
+        done = self.executor.map(lambda refit: polish(refit, effort=self.effort), close)
+        return [*done, *refits[len(close) :]]
+
+    def _worth_refitting(self, model: Model, tried: list[list[Trial]], most: int) -> list[Trial]:
+        """The short lists of the trials, `most` forms in each. Under an imposed motion, far from the noise, every form:
+        the base model has come to rest in a corner, and no step from there says what would gain after many."""
+        budget, misfits = self.effort.screening, model.judgement.misfits(np.ones((1, 1)))
+        far = max(misfits) > budget.far
+        cornered = model.joint.batch.imposed and min(misfits) > budget.cornered
+        chosen = []
+        for some in tried:
+            open_to = [trial for trial in some if trial.effect not in self.barred]
+            if cornered:
+                chosen += [trial for trial in one_of_each(open_to) if np.isfinite(trial.gain)]
+            else:
+                chosen += short_list(open_to, most=most, far=far, effort=self.effort)
+        return chosen
+
+
+def better_base(model: Model, refits: list[Refitted], *, effort: Effort = Effort()) -> Model:
+    """A better solution of the `model` without the candidates, found from their `refits`; the same when there is none.
+
+    A model with something missing has several minima; a refit that left a bad one must not get the credit for it. How
+    much better it must be is in the `effort`.
+    """
+    slow = model.joint.at_bandwidth(SLOW_BANDWIDTH)
+    count, own = len(slow.layout), model.fitted.misfit
+    starts = [
+        jnp.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.joint.layout))))
+        for r in refits
+    ]
+    if not starts:
+        return model
+    values = slow.misfits(starts)
+    index, budget = int(np.argmin(values)), effort.refitting
+    if not values[index] < own - max(budget.least_better, budget.better_base * own):
+        return model
+    fitted = descend(slow, starts[index], graduate=False)
+    return Model(slow, fitted, judge(slow, fitted))

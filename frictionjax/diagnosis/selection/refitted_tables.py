@@ -1,0 +1,301 @@
+"""Tables that are made as a search asks for them: models refitted, and compared above a floor."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.comparison import compare, forms_of
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model, is_chaotic
+from frictionjax.diagnosis.evidence.noise_floor import Answer
+from frictionjax.diagnosis.refitting.refitted import Refitted, ease
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.diagnosis.selection.acceptance import ranked
+from frictionjax.diagnosis.selection.candidate_table import Ground, ground_of, table_of_candidates
+from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.selection.step import Step
+from frictionjax.diagnosis.selection.stored_tables import (
+    asked_of_all_recordings,
+    asked_of_candidates,
+    asked_of_move,
+    asked_of_rebuilt,
+    asked_of_whole,
+)
+from frictionjax.diagnosis.table import Comparison, Table
+from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import extend
+from frictionjax.physics.effects import AbstractEffect, catalogue
+
+
+class Refits(Protocol):
+    """What tests and refits the catalogue: `Candidates`."""
+
+    def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
+        """As `Candidates.beside`, of the `model` and the `number`."""
+        ...
+
+    def related(self, model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
+        """As `Candidates.related`, of the `model` and the `names`."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """What a table was made of: the model `before`, the `trials`, the `refits` in the order of its rows, the `ground`
+    of the comparisons."""
+
+    before: Model
+    trials: list[Trial]
+    refits: list[Refitted]
+    ground: Ground
+
+
+class RefittedTables:
+    """The comparisons that a search asks for, made by refits, and all of them kept in `tables`.
+
+    **Arguments:**
+
+    - `base`: the fitted base model.
+    - `refits`: tests and refits the catalogue.
+    - `scales`: the plant's own sizes by name.
+    - `answer`: asks for the answer of the base model to a force; called when the first refits are done.
+    - `rule`: for what enters the comparisons.
+    - `effort`: of refits.
+    """
+
+    def __init__(
+        self,
+        base: Model,
+        refits: Refits,
+        scales: dict[str, float],
+        answer: Callable[[], Answer],
+        *,
+        rule: Rule = Rule(),
+        effort: Effort = Effort(),
+    ) -> None:
+        self.tables: list[Table] = []
+        self._base, self._refits, self._scales, self._answer = base, refits, scales, answer
+        self._rule, self._effort = rule, effort
+        self._made: dict[str, Made] = {}
+        self._settled: dict[str, Refitted] = {}
+        self._rest: dict[tuple[str, ...], Model] = {}
+        self._single: dict[tuple[str, ...], Comparison] = {}
+
+    def candidates(self, number: int, chain: Sequence[Round]) -> Table:
+        """As in `Tables`: of this `number`, after the `chain`."""
+        model = self.accepted(chain[-1]).model if chain else self._base
+        model, trials, refits = self._refits.beside(model, number)
+        asked = asked_of_candidates(number, chain)
+        return self.compared(asked, model, trials, refits, before=self._floor_of(chain))
+
+    def settle(self, found: Round) -> None:
+        """Refit the model that the round `found` accepted against what it leaves itself, under an imposed motion."""
+        own = self.accepted(found)
+        model = ease(own.model, rule=self._rule, effort=self._effort)
+        if model is not own.model:
+            self._settled[found.reference] = Refitted(own.trial, model)
+
+    def whole(self, chain: Sequence[Round]) -> Comparison:
+        """As in `Tables`, of the `chain`."""
+        last = next(one for one in reversed(chain) if one.accepted is not None)
+        base, floor = self._made[chain[0].table.key].before, self._made[chain[-1].table.key].ground.floor
+        return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor)
+
+    def all_recordings(self, first: Round) -> Comparison:
+        """As in `Tables`, of the round `first`."""
+        own = self._made[first.table.key]
+        found = fitted_to_all(own.before)
+        return self._against(asked_of_all_recordings(first), own.before, found, own.ground.floor)
+
+    def without(self, chain: Sequence[Round], place: int) -> Comparison:
+        """As in `Tables`, of the `chain` and the `place`."""
+        asked, last = asked_of_move("without", chain, place), chain[-1]
+        full, others = self.accepted(last).model, [k for k in range(len(chain)) if k != place]
+        rest = with_some(self._made[chain[0].table.key].before, full, others, self._scales)
+        self._rest[asked[1:]] = rest
+        own = self.accepted(chain[place]).trial.form
+        return self._against(asked, rest, full, self._made[last.table.key].ground.floor, own)
+
+    def fewer(self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]) -> Table:
+        """As in `Tables`, of the `chain`, the `place`, and the `number` after those `before`."""
+        kept = [own for other, own in enumerate(chain) if other != place]
+        asked, own = asked_of_move("fewer", chain, place, number), kept[number]
+        base, trial = self._made[chain[0].table.key].before, self.accepted(own).trial
+        rest = self._rest[asked_of_move("", chain, place)[1:]]
+        if number < len(kept) - 1:
+            rest = with_some(base, rest, range(number + 1), self._scales)
+        refits = [Refitted(trial, rest)]
+        trials = self._made[own.table.key].trials
+        if number == 0:
+            first, model = self.step(chain[0]), base
+            # Its period may have shown only beside the effect that goes: with its own trials then, too.
+            passed = [t for t in trials if t.effect == trial.effect and own is not chain[0]]
+            trials = self._made[chain[0].table.key].trials + passed
+            refits += [r for r in first.refits if r.form != refits[0].form]
+        else:
+            model = self.accepted(before[-1]).model  # the others were refitted beside the one that goes
+        return self.compared(asked, model, trials, refits, before=self._floor_of(before))
+
+    def swap(self, chain: Sequence[Round], place: int) -> Table:
+        """As in `Tables`, of the `chain` and the `place`."""
+        own, full = chain[place], self.accepted(chain[-1]).model
+        others = [number for number in range(len(chain)) if number != place]
+        rest = with_some(self._made[chain[0].table.key].before, full, others, self._scales)
+        inside = {type(effect).name for effect in rest.joint.drive.effects}
+        trials, refits = self._refits.related(rest, confused_with(own.row.effect) - inside)
+        asked = asked_of_move("swap", chain, place)
+        self._rest[asked] = rest
+        incumbent = Refitted(self.accepted(own).trial, full)
+        # Their tests beside the others, and those that the incumbent has passed.
+        passed = [t for t in self._made[own.table.key].trials if t.effect == incumbent.effect]
+        return self.compared(asked, rest, trials + passed, [incumbent, *refits])
+
+    def rebuilt(
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: Table
+    ) -> Table:
+        """As in `Tables`, of the `chain`, the `place`, the `number` after those `before`, and the table `swap`."""
+        kept = [own for other, own in enumerate(chain) if other != place]
+        own, base = kept[number], self._made[chain[0].table.key].before
+        rest = self._rest[swap.asked]
+        if number < len(kept) - 1:
+            rest = with_some(base, rest, range(number + 1), self._scales)
+        model = self.accepted(before[-1]).model if before else base
+        refitted = Refitted(self.accepted(own).trial, rest)
+        passed = [t for t in self._made[own.table.key].trials if t.effect == refitted.effect]
+        trials = self._made[chain[0].table.key].trials + passed
+        rivals = self._refits.related(model, frozenset(own.rivals))[1] if own.rivals else []
+        asked = asked_of_rebuilt(chain, place, number, swap)
+        return self.compared(asked, model, trials, [refitted, *rivals], before=self._floor_of(before))
+
+    def compared(
+        self,
+        asked: tuple[str, ...],
+        model: Model,
+        trials: list[Trial],
+        refits: list[Refitted],
+        *,
+        before: np.ndarray | None = None,
+    ) -> Table:
+        """The table of what was `asked`: `refits` of the best of the `trials` compared with the `model`; `before` as in
+        `ground_of`."""
+        ground = ground_of(model, refits, self._answer(), before, rule=self._rule)
+        return self.keep(asked, Made(model, trials, refits, ground))
+
+    def keep(self, asked: tuple[str, ...], made: Made) -> Table:
+        """The table of what was `asked`, of models that are `made`, and kept."""
+        key = f"t{len(self.tables)}"
+        table = table_of_candidates(
+            key, asked, made.before, made.trials, made.refits, made.ground, rule=self._rule
+        )
+        self._made[key] = made
+        self.tables.append(table)
+        return table
+
+    def accepted(self, found: Round) -> Refitted:
+        """The candidate that the round `found` accepted."""
+        if found.accepted is None:
+            raise ValueError(f"Nothing was accepted in table {found.table.key}.")
+        own = self._made[found.table.key].refits[found.accepted]
+        return self._settled.get(found.reference, own) if found.settled == found.accepted else own
+
+    def step(self, found: Round) -> Step:
+        """The round `found` with its models, the candidate that explains most first."""
+        made, table = self._made[found.table.key], found.table
+        refits = list(made.refits)
+        if found.settled is not None:
+            reference = f"{table.key}.{found.settled}"
+            refits[found.settled] = self._settled.get(reference, refits[found.settled])
+        order = ranked(table, self._rule)
+        return Step(
+            before=made.before,
+            trials=made.trials,
+            refits=[refits[row] for row in order],
+            compared=[table.rows[row] for row in order],
+            floor=made.ground.floor,
+            force=made.ground.force,
+            accepted=None if found.accepted is None else refits[found.accepted],
+            rivals=found.rivals,
+            together=found.together,
+            dropped=found.dropped,
+        )
+
+    def _floor_of(self, chain: Sequence[Round]) -> np.ndarray | None:
+        return self._made[chain[-1].table.key].ground.floor if chain else None
+
+    def _against(
+        self,
+        asked: tuple[str, ...],
+        before: Model,
+        after: Model,
+        floor: np.ndarray,
+        added: AbstractEffect | None = None,
+    ) -> Comparison:
+        """One comparison, kept as a table of one row; its effect has passed its test before."""
+        if asked in self._single:
+            return self._single[asked]
+        row = self._single[asked] = compare(
+            before.judgement, after.judgement, floor, added=added, rule=self._rule
+        )
+        self.tables.append(
+            Table(
+                key=f"t{len(self.tables)}",
+                asked=asked,
+                before=forms_of(before.judgement),
+                misfits=row.misfits_before,
+                misfit_errors=row.misfit_errors,
+                chaotic=is_chaotic(before),
+                rows=(row,),
+                imposed=before.joint.batch.imposed,
+            )
+        )
+        return row
+
+
+def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str, float]) -> Model:
+    """The `base` model with some of the effects of `full`, converged with everything free.
+
+    **Arguments:**
+
+    - `base`: the model without effects.
+    - `full`: the same with several.
+    - `places`: which of them stay.
+    - `scales`: the plant's own sizes by name.
+
+    It starts once with the other parameters of `full` and once with those of `base`, and the better end is returned.
+    """
+    effects = full.joint.drive_of(full.fitted.vector).effects
+    count, deflections = len(base.joint.layout), full.fitted.vector[len(full.joint.layout) :]
+    # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
+    own = full.joint
+    empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.joint, (own.evidence, own.weights))
+    ends: list[tuple[Posterior, Fitted]] = []
+    for vector in (jnp.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
+        joint = empty
+        for place in places:
+            joint, vector = extend(joint, vector, effects[place], scales)
+        ends.append((joint, descend(joint, vector, graduate=False)))
+    joint, fitted = min(ends, key=lambda end: end[1].misfit)
+    return Model(joint, fitted, judge(joint, fitted))
+
+
+def fitted_to_all(model: Model) -> Model:
+    """The `model` fitted to all recordings, the held-out ones included, and judged as before."""
+    joint = eqx.tree_at(lambda j: j.fitted, model.joint, (jnp.ones_like(model.joint.fitted[0]),))
+    fitted = descend(joint, model.fitted.vector, graduate=False)
+    judgement = eqx.tree_at(lambda j: j.held_out, judge(joint, fitted), model.judgement.held_out)
+    return Model(joint, fitted, judgement)
+
+
+def confused_with(effect: str) -> frozenset[str]:
+    """Names of the effects that the catalogue says are confused with the `effect`, or it with them; itself included."""
+    says = {
+        name: {n for form in forms for n in form.about.confused_with} for name, forms in catalogue().items()
+    }
+    return frozenset({effect} | says[effect] | {name for name, others in says.items() if effect in others})

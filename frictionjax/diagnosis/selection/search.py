@@ -1,0 +1,260 @@
+"""Stepwise selection: effects are added, dropped, swapped and tried in pairs, by tables of comparisons alone.
+
+The search knows no models. It asks for a table, decides by the rule, and asks for the next one: of a supplier that
+refits (`refitted_tables`), or of one that looks up what was stored (`stored_tables`).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Protocol
+
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import (
+    acceptable,
+    best_clear,
+    choose,
+    nearly_all,
+    only_complete,
+)
+from frictionjax.diagnosis.selection.confidence import Evidence, evidence_of
+from frictionjax.diagnosis.selection.round import Round, dropping
+from frictionjax.diagnosis.selection.verdict_rule import adequate, most_left, verdict_of
+from frictionjax.diagnosis.table import Comparison, Table, within
+from frictionjax.diagnosis.verdict import Verdict
+
+_NOT_NEEDED = "not needed: refitted to all recordings, the base model reaches the noise floor"
+
+
+class Tables(Protocol):
+    """What supplies the comparisons that a search asks for. A `chain` holds the rounds so far, each with an accepted
+    candidate, in the order in which their effects were added."""
+
+    def candidates(self, number: int, chain: Sequence[Round]) -> Table:
+        """The catalogue's candidates beside what the `chain` accepted: the round of this `number`, from 0 on."""
+        ...
+
+    def settle(self, found: Round) -> None:
+        """Take notice that the round `found` accepted a candidate, before anything is asked that rests on it."""
+        ...
+
+    def whole(self, chain: Sequence[Round]) -> Comparison:
+        """The model that the `chain` accepted last against the base model, above the floor of its last table."""
+        ...
+
+    def all_recordings(self, first: Round) -> Comparison:
+        """The base model of the round `first`, refitted to all recordings, against itself as it was."""
+        ...
+
+    def without(self, chain: Sequence[Round], place: int) -> Comparison:
+        """The model of the `chain` against the one without the effect at the `place`, refitted."""
+        ...
+
+    def fewer(self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]) -> Table:
+        """Of the `chain` without the effect at the `place`, the effect of this `number` beside those `before` it."""
+        ...
+
+    def swap(self, chain: Sequence[Round], place: int) -> Table:
+        """The effect at the `place` of the `chain` and all that are confused with it, beside the others."""
+        ...
+
+    def rebuilt(
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: Table
+    ) -> Table:
+        """As `fewer`, with the rivals of that effect, after the table `swap` let another in at the `place`."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """What a search came to.
+
+    **Attributes:** `rounds`, `verdict`, `remains` (whether something significant is left), `share` (of the misfit that
+    is left), `evidence` (for each name).
+    """
+
+    rounds: tuple[Round, ...]
+    verdict: Verdict
+    remains: bool
+    share: float
+    evidence: tuple[Evidence, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the accepted effects."""
+        return tuple(one.row.effect for one in self.rounds if one.accepted is not None)
+
+    @property
+    def classes(self) -> tuple[tuple[str, ...], ...]:
+        """Each name, and after it those that the recordings cannot tell from it."""
+        return tuple((one.row.effect, *one.rivals) for one in self.rounds if one.accepted is not None)
+
+
+def decide(tables: Tables, rule: Rule, most: int) -> Decision:
+    """Search by the `tables` and the `rule` for at most so many effects, `most`, and say what is named."""
+    chain = Search(tables, rule, most).run()
+    whole = tables.whole(chain) if any(one.accepted is not None for one in chain) else None
+    verdict, (remains, share) = verdict_of(chain, whole, rule=rule)
+    return Decision(tuple(chain), verdict, remains, share, tuple(evidence_of(chain, whole, rule=rule)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """The moves of a stepwise selection.
+
+    **Attributes:** `tables` (what supplies the comparisons), `rule`, `most` (effects at most).
+    """
+
+    tables: Tables
+    rule: Rule
+    most: int
+
+    def run(self) -> list[Round]:
+        """The rounds: each with an accepted candidate, but for a last one in which nothing was."""
+        first = self._accept(self.tables.candidates(0, ()))
+        if self._is_open(first):
+            return [dropping(first, _NOT_NEEDED, together=True)]
+        chain = [first] if first.accepted is not None else self._pair(first)
+        return [first] if chain is None else self._add(chain)
+
+    def _accept(self, table: Table) -> Round:
+        found = choose(table, self.rule)
+        return found if found.accepted is None else self._settled(found, found.accepted)
+
+    def _settled(self, found: Round, row: int) -> Round:
+        """The round `found` with the candidate `row` accepted."""
+        accepted = dataclasses.replace(found, accepted=row, settled=row)
+        self.tables.settle(accepted)
+        return accepted
+
+    def _is_open(self, first: Round) -> bool:
+        """Whether the fitted recordings leave a parameter open: the base model is adequate there, not on the held-out
+        ones, and on all once it is fitted to all. A true model then predicts others badly."""
+        table, limits = first.table, self.rule.limits
+        own = within(table.misfits, table.misfit_errors, limits.adequate, self.rule)
+        if own != (True, False):
+            return False
+        refitted = self.tables.all_recordings(first)
+        return adequate(refitted.misfits_after, refitted.misfit_errors, self.rule)
+
+    def _pair(self, first: Round) -> list[Round] | None:
+        """Two effects neither of which is acceptable alone; or the second, where that was what is missing all along.
+        None where there are none."""
+        if adequate(first.table.misfits, first.table.misfit_errors, self.rule):
+            return None
+        started = self._tentative(first)
+        if started is None:
+            return None
+        second = self._accept(self.tables.candidates(1, [started]))
+        if second.accepted is None:
+            return None
+        both = self.drop([started, second])
+        if both[-1].accepted is None:
+            return None
+        if len(both) > 1 and not nearly_all(self.tables.whole(both), self.rule):
+            return None
+        return self.swap(both)
+
+    def _tentative(self, refused: Round) -> Round | None:
+        """The round with its best clear candidate accepted, although it explains too little alone."""
+        row = best_clear(refused.table, self.rule)
+        return None if row is None else self._settled(refused, row)
+
+    def _add(self, chain: list[Round]) -> list[Round]:
+        """The `chain` with further effects, until nothing significant is left or nothing else is acceptable."""
+        for number in range(len(chain), self.most):
+            whole = self.tables.whole(chain)
+            share = whole.gains(self.rule).share
+            at_the_noise = adequate(whole.misfits_after, whole.misfit_errors, self.rule)
+            if at_the_noise or self._leaves_chaos(whole):
+                break
+            found = self._accept(self.tables.candidates(number, chain))
+            complete = share > self.rule.accept.enough_share
+            if complete:
+                found = only_complete(found, self.rule)
+            if found.accepted is None:
+                changed = None if complete else self.instead(chain, found)
+                if changed is None:
+                    return [*chain, found]
+                chain = changed
+                continue
+            chain = [*chain, found]
+            fewer = self.drop(chain)
+            if len(fewer) < len(chain):
+                return fewer
+            chain = self.swap(chain)
+        return chain
+
+    def _leaves_chaos(self, whole: Comparison) -> bool:
+        """Whether contacts are what is missing, having explained enough of the `whole`: what they leave is chaos, and
+        no effect beside them explains most of that."""
+        share = whole.gains(self.rule).share
+        return whole.chaotic and 1.0 - share < most_left(whole.exact, rule=self.rule)
+
+    def superfluous(self, chain: Sequence[Round]) -> int | None:
+        """Place of the first effect of the `chain` that is not needed beside the others; None where all are. The one
+        accepted last was tested beside the others when it came, and each was significant when it came."""
+        for place in range(len(chain) - 1):
+            if not acceptable(self.tables.without(chain, place), self.rule)[0]:
+                return place
+        return None
+
+    def drop(self, chain: list[Round]) -> list[Round]:
+        """The same `chain`, or, where an effect is not needed beside the others, rounds without it: the first of those
+        that stay is compared again with the candidates of the first round."""
+        place = self.superfluous(chain)
+        if place is None:
+            return chain
+        fewer: list[Round] = []
+        for number in range(len(chain) - 1):
+            table = self.tables.fewer(chain, place, number, fewer)
+            found = self._accept(table)
+            fewer.append(found)
+            if found.accepted is None or found.row.form != table.rows[0].form:
+                break
+        return fewer
+
+    def swap(self, chain: list[Round]) -> list[Round]:
+        """The same `chain`, or rounds in which an earlier effect made way for one that it is confused with.
+
+        While it was alone it had to stand in for what was accepted later, so that a wrong one may have won. What comes
+        in is put last, and so is what the recordings cannot tell from another beside the others.
+        """
+        for place, own in enumerate(list(chain[:-1])):
+            table = self.tables.swap(chain, place)
+            found = self._accept(table)
+            if found.accepted is None:
+                continue
+            if found.row.effect != own.row.effect or found.rivals:
+                return [*self._rebuilt(chain, place, table), found]
+            # Beside the others it can be told from all of them.
+            chain = [*chain[:place], dataclasses.replace(own, rivals=()), *chain[place + 1 :]]
+        return chain
+
+    def _rebuilt(self, chain: list[Round], place: int, swap: Table) -> list[Round]:
+        """The `chain` without the effect at the `place`. Each of the others was found beside it and is needed there;
+        alone it need not explain most."""
+        rebuilt: list[Round] = []
+        for number in range(len(chain) - 1):
+            table = self.tables.rebuilt(chain, place, number, rebuilt, swap)
+            rivals = tuple(sorted({row.effect for row in table.rows[1:]}))
+            rebuilt.append(Round(table, 0, rivals))
+        return rebuilt
+
+    def instead(self, chain: list[Round], refused: Round) -> list[Round] | None:
+        """Rounds in which an effect took the place of one that it is confused with, found by what was `refused` after
+        the `chain`.
+
+        Beside a wrong name the second effect of two explains too little to be accepted, and nothing would compare the
+        first one again. So it is tried out: taken for accepted, swapped, and kept where another name came in, all are
+        needed, and together they explain nearly all of the misfit. None where that is not so.
+        """
+        started = self._tentative(refused)
+        if started is None:
+            return None
+        changed = self.swap([*chain, started])
+        if {one.row.effect for one in changed} == {one.row.effect for one in (*chain, started)}:
+            return None
+        share = self.tables.whole(changed).gains(self.rule).share
+        if share <= self.rule.accept.enough_share or len(self.drop(changed)) < len(changed):
+            return None
+        return changed

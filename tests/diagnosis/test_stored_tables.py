@@ -1,0 +1,101 @@
+"""Stored tables: they decide as when they were made, and say where a rule leads off their path."""
+
+import dataclasses
+import json
+
+import pytest
+from helpers_rule import row, table
+
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.search import decide
+from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables
+from frictionjax.diagnosis.table import Lead, table_json, table_of
+
+RULE = Rule()
+
+
+def _round_trip(one):
+    return table_of(json.loads(json.dumps(table_json(one), allow_nan=False)))
+
+
+def _search(first, *tables, rule=RULE):
+    return decide(StoredTables([first, *tables], RULE, rule), rule, 3)
+
+
+def test_a_table_comes_back_as_it_was():
+    gains = (0.1234567891, -2.0)
+    own = row(waves=((1.3, True),), gains_fit=gains, gains_held_out=(1e-9,), p_value=1.23456789e-5)
+    one = table(own, row((0.2, 0.3)), misfits=(0.123456789012345, 0.2))
+    back = _round_trip(one)
+    assert back.rows[0].gains_fit == (0.123457, -2.0)
+    exact = dataclasses.replace(back.rows[0], gains_fit=gains)
+    assert dataclasses.replace(back, rows=(exact, back.rows[1])) == one
+    assert back.lead(0, 1, RULE) == 9.0 and back.lead(1, 0, RULE) == -9.0
+
+
+def test_an_effect_that_explains_all_is_named_from_its_table_alone():
+    first = _round_trip(
+        table(row((0.99, 0.99), effect="delay", exact=(True,)), row((0.3, 0.3), effect="creep"))
+    )
+    found = _search(first)
+    assert (found.verdict, found.names, found.classes) == ("named", ("delay",), (("delay",),))
+    assert found.evidence[0].lead == pytest.approx(1.98 - 0.6)
+    twins = table(row((0.99, 0.99), effect="delay"), row((0.98, 0.98), effect="drive_lag"), lead=1.0)
+    assert _search(twins).classes == (("delay", "drive_lag"),)
+
+
+def test_nothing_is_named_where_the_base_model_is_adequate():
+    assert _search(table(misfits=(0.004, 0.005))).verdict == "adequate"
+    assert _search(table(misfits=(0.4, 0.3))).verdict == "unknown"
+
+
+def test_a_parameter_that_was_left_open_is_asked_of_all_recordings():
+    first = table(row((0.1, 0.1)), misfits=(0.004, 0.3))
+    with pytest.raises(NotStored, match="all recordings t0"):
+        _search(first)
+    together = table(row(before=(0.004, 0.3), shares=(0.0, 0.99)), key="t1", asked=("all recordings", "t0"))
+    found = _search(first, together)
+    assert found.verdict == "adequate" and found.rounds[0].together
+    assert found.rounds[0].dropped.startswith("not needed")
+
+
+def test_a_second_effect_is_looked_up_beside_the_first():
+    """It is accepted, needed, and stays beside what the first is confused with."""
+    first = table(row((0.6, 0.6), effect="constant_load", form="ConstantLoad", exact=(True,)))
+    lag = row((0.99, 0.99), effect="drive_lag", form="DriveLag", exact=(True, True), before=(0.16, 0.16))
+    second = table(
+        lag, key="t1", asked=("candidates", "1", "t0.0"), before=("ConstantLoad",), misfits=(0.16, 0.16)
+    )
+    chain = ("t0.0", "t1.0")
+    needed = table(row((0.98, 0.98)), key="t2", asked=("without", "0", *chain))
+    incumbent = row((0.98, 0.98), effect="constant_load", form="ConstantLoad")
+    swap = table(incumbent, key="t3", asked=("swap", "0", *chain))
+    whole = row((0.996, 0.996), exact=(True, True))
+    ends = [
+        table(row((0.6, 0.6), exact=(True,)), key="t4", asked=("whole", "t0.0", "t0")),
+        table(whole, key="t5", asked=("whole", "t1.0", "t1")),
+    ]
+    found = _search(*map(_round_trip, (first, second, needed, swap, *ends)))
+    assert (found.verdict, found.names) == ("named", ("constant_load", "drive_lag"))
+    # Where it is not needed beside the second, the stored search would have had to go on.
+    useless = table(row((0.1, 0.1)), key="t2", asked=("without", "0", *chain))
+    with pytest.raises(NotStored, match=r"fewer 0 0 t0\.0 t1\.0"):
+        _search(first, second, useless, swap, *ends)
+    # By another rule the first alone is enough, or nothing is.
+    assert _search(first, second, *ends, rule=RULE.changed({"limits.adequate": 0.2})).names == (
+        "constant_load",
+    )
+    strict = RULE.changed({"accept.least_share": 0.7, "accept.promising": 3.0})
+    assert _search(first, second, *ends, rule=strict).verdict == "unknown"
+
+
+def test_numbers_that_entered_the_tables_cannot_be_changed_afterwards():
+    first = table(row(), excused=True)
+    with pytest.raises(NotStored, match="floor"):
+        _search(first, rule=RULE.changed({"floor.colour": 3.0}))
+    with pytest.raises(NotStored, match="adequate"):
+        _search(first, rule=RULE.changed({"limits.adequate": 0.02}))
+
+
+def test_a_lead_without_clusters_is_none():
+    assert Lead(0.0, 0.0, 0).in_errors(RULE) == 0.0
