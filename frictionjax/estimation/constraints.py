@@ -186,7 +186,7 @@ def _ties(ties: Mapping[str, tuple[str, float]], known: Mapping[str, Free]) -> t
         if ((name, source) == ("Fs", "Fc") and factor <= 1.0) or (
             (name, source) == ("Fc", "Fs") and factor >= 1.0
         ):
-            cure = "Static friction is above Coulomb friction: mend the factor."
+            cure = "Fs must exceed Fc: use a factor above 1."
             _fail("ties", f"{name} = {factor:g} {source} contradicts Fs > Fc", cure)
         unit = known[name].parameter.unit
         found.append(Tie(known[name].path, known[source].path, name, source, unit, factor))

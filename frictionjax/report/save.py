@@ -282,7 +282,7 @@ def _nearest_existing(directory: Path) -> Path:
 
 @contextmanager
 def _sentences(directory: Path) -> Iterator[None]:
-    """An error of the file system is told as an `InputError` about the output directory."""
+    """An error of the file system becomes an `InputError` about the output directory."""
     try:
         yield
     except OSError as error:

@@ -7,8 +7,7 @@ import pytest
 from helpers_diagnosis import fake_recording
 from helpers_plants import TABLE_I
 
-from frictionjax.core import Estimate, InputError
-from frictionjax.diagnosis import diagnose
+from frictionjax.core import Estimate
 from frictionjax.diagnosis.diagnose import _missing, _unexplained
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.summary import summary_sentence
@@ -21,7 +20,6 @@ from frictionjax.diagnosis.table import Comparison, Lead, Table
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
-from frictionjax.recordings import Case, Plant, Recording
 
 BINS = (
     MismatchBin("regime", "stick", 0.2, 2.0, 1.05, 5000),
@@ -381,24 +379,3 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     by_name = {row.effect: row for row in candidates([step, later], units, {})}
     assert by_name["constant_load"].reason == "too late"
     assert by_name["delay"].reason == "named"
-
-
-def _case(*recordings):
-    return Case("bench", Plant(), recordings)
-
-
-def _recording(name, **more):
-    return Recording(name, 1000.0, *([np.zeros(300)] * 2), **more)
-
-
-def test_a_recording_too_short_to_be_scored_is_refused_with_a_cure():
-    short = Recording("b", 1000.0, np.zeros(150), np.zeros(150))
-    with pytest.raises(InputError, match=r"bench, recording b: 150 samples are too few.*at least 200"):
-        diagnose(_case(_recording("a"), short, _recording("c", role="holdout")))
-
-
-@pytest.mark.parametrize("roles", [("fit", "fit"), ("holdout", "holdout"), ()])
-def test_a_case_without_both_roles_is_refused(roles):
-    case = _case(*(_recording(f"r{k}", role=role) for k, role in enumerate(roles)))
-    with pytest.raises(InputError, match=r'at least one kept aside.*role = "holdout"'):
-        diagnose(case)

@@ -1,8 +1,4 @@
-"""Trace once: a verb that has been called does not trace or compile again because a number is another one.
-
-Numbers are the values of parameters, inputs and starts, sample rates, seeds, units and names of files. What changes
-the shape of an array, or how often something is repeated, is structure and may compile again.
-"""
+"""Trace once: a verb does not trace or compile again because a number is another one, only for another shape."""
 
 import functools
 import inspect
