@@ -113,7 +113,7 @@ class Signals(eqx.Module):
     """An effect along one recording: its signals, `slots`, of shape `(n,)`; and to which of the terms each of them
     belongs, `places`, shape `(parts, slots)`, of zeros and ones. Most effects have one."""
 
-    slots: tuple[Float[Array, " n"], ...]
+    slots: tuple[Float[Array, "*n"], ...]
     places: Float[Array, "parts slots"]
 
     def parts(self, here: tuple[Float[Array, ""], ...]) -> dict[str, Float[Array, ""]]:
@@ -135,26 +135,26 @@ def _signals(parts: dict[str, Float[Array, " n"]], n: int) -> Signals:
 
 
 class Along(eqx.Module):
-    """Inputs and variables of a model along one recording, shape `(n,)`, whatever effects the model has.
+    """Inputs and variables of a model at one sample or along one recording, `(n,)`, whatever effects the model has.
 
     **Attributes:** `u` (recorded input), `push` (motor force) and its `rise` within a sample, `x`, `v`, `z`
     (LuGre's bristle), `spring` (its force), `level` (G), `w` (velocity of the bristles), `fast` (that at which
     LuGre's slips), `lost` (its slip, of |fast|), `sigma1`, and `a`, the acceleration.
     """
 
-    u: Float[Array, " n"]
-    push: Float[Array, " n"]
-    rise: Float[Array, " n"]
-    x: Float[Array, " n"]
-    v: Float[Array, " n"]
-    z: Float[Array, " n"]
-    spring: Float[Array, " n"]
-    level: Float[Array, " n"]
-    w: Float[Array, " n"]
-    fast: Float[Array, " n"]
-    lost: Float[Array, " n"]
-    sigma1: Float[Array, " n"]
-    a: Float[Array, " n"]
+    u: Float[Array, "*n"]
+    push: Float[Array, "*n"]
+    rise: Float[Array, "*n"]
+    x: Float[Array, "*n"]
+    v: Float[Array, "*n"]
+    z: Float[Array, "*n"]
+    spring: Float[Array, "*n"]
+    level: Float[Array, "*n"]
+    w: Float[Array, "*n"]
+    fast: Float[Array, "*n"]
+    lost: Float[Array, "*n"]
+    sigma1: Float[Array, "*n"]
+    a: Float[Array, "*n"]
 
 
 def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
