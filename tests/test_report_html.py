@@ -237,9 +237,7 @@ def test_beyond_the_first_recordings_only_a_count_is_given(monkeypatch):
 
 
 def test_an_unknown_motor_constant_is_said():
-    assert (
-        "forces are in input units" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
-    )
+    assert "forces are in input units" in Page(render(replace(adequate_diagnosis(), plant=Plant()))).visible
 
 
 @pytest.mark.parametrize("draw", [comparison, residual])
