@@ -222,7 +222,7 @@ def test_a_field_that_is_wrong(content, field, value, words):
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"schema": NaN}', "[" * 100000, "﻿{}"])
 def test_text_that_is_no_table(text):
-    with pytest.raises(InputError, match=r"^fit\.json: is (not JSON|JSON, but no table)") as caught:
+    with pytest.raises(InputError, match=r"^fit\.json: is (not JSON|JSON, but not a table)") as caught:
         fit_from_json(text, file="fit.json")
     assert str(caught.value).endswith("Write the file again with `save_fit`.")
 

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from helpers_plants import FORMS, PLANTS, ROTARY, STAGE, effect
@@ -167,17 +168,19 @@ def test_parameters_that_mujoco_cannot_take(name, value, friction, words):
     assert words in str(caught.value)
 
 
-def test_wrong_arguments_are_sentences():
+def test_wrong_arguments_are_sentences(monkeypatch):
+    # Some are of a wrong type, also for a run in which types are checked.
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     with pytest.raises(ValueError, match=r"`kind` is 'ball'; it must be"):
         mujoco_joint(ROTARY, kind="ball")
     with pytest.raises(ValueError, match=r"`friction` is 'dry'; it must be"):
         mujoco_joint(ROTARY, friction="dry")
     with pytest.raises(
-        InputError, match=r"`body_inertia` is 1; it must lie between 0 and J = 0.03. J is all"
+        InputError, match=r"`body_inertia` is 1; it must lie between 0 and J = 0.03. J is the inertia"
     ):
         mujoco_joint(ROTARY, body_inertia=1.0)
     many = eqx.tree_at(lambda d: d.J, ROTARY, jnp.ones(3))
-    with pytest.raises(ValueError, match=r"`drive` holds arrays \(J\); MuJoCo takes one drive"):
+    with pytest.raises(ValueError, match=r"`drive` has arrays as parameters \(J\); MuJoCo takes one drive"):
         mujoco_joint(many)
 
 

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 from helpers_information import PRESLIDING, RATE, SLIDING, N, plan
@@ -183,7 +184,9 @@ def test_other_numbers_compile_nothing():
         ({"drive": eqx.tree_at(lambda d: d.J, ROTARY, jnp.asarray(-1.0))}, "J = -1.0"),
     ],
 )
-def test_bad_input_is_a_sentence(change, words):
+def test_bad_input_is_a_sentence(change, words, monkeypatch):
+    # Some of it is of a wrong type, also for a run in which types are checked.
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     given = {
         "drive": ROTARY,
         "first": LOAD,

@@ -160,7 +160,7 @@ def test_the_inverse_knows_what_is_lost():
         ({"inputs": []}, "at least one input"),
         ({"inputs": [np.full(5, np.nan)]}, "experiment 0"),
         ({"inputs": [np.ones((5, 2))]}, "shape"),
-        ({"inputs": [np.zeros(N)]}, "nothing moves"),
+        ({"inputs": [np.zeros(N)]}, "does not move"),
         ({"noise": -1e-9}, "`noise`.*positive"),
         ({"noise": np.nan}, "`noise`.*positive"),
         ({"noise": [1.0, 1.0]}, "`noise`.*one for each"),
@@ -170,7 +170,7 @@ def test_the_inverse_knows_what_is_lost():
         ({"free": ("J", "J")}, "twice"),
         ({"free": ()}, "names none"),
         ({"drive": eqx.tree_at(lambda d: d.friction.sigma2, ROTARY, jnp.asarray(0.0))}, "sigma2 = 0.0"),
-        ({"drive": eqx.tree_at(lambda d: d.J, ROTARY, jnp.ones(3))}, "J = .*many drives"),
+        ({"drive": eqx.tree_at(lambda d: d.J, ROTARY, jnp.ones(3))}, "J = .*loop over drives"),
         ({"drive": eqx.tree_at(lambda d: d.J, ROTARY, jnp.asarray(1e-200))}, "not finite"),
     ],
 )

@@ -118,5 +118,5 @@ def test_bad_designs_and_files_get_a_sentence(tmp_path):
         run_study(Design(draw, ({"gain": 1.0}, {"gain": 1.0, "seed": 3})))
     out = tmp_path / "runs.jsonl"
     out.write_text('{"run": {}, "result": {}}\nnothing\n', encoding="utf-8")
-    with pytest.raises(InputError, match=r"runs\.jsonl, line 2: this is not a finished run"):
+    with pytest.raises(InputError, match=r"runs\.jsonl, line 2: the line is not a finished run"):
         run_study(Design(draw, grid(gain=(1.0,))), out=out)
