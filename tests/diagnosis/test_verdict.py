@@ -302,10 +302,8 @@ def _trial(form, **more):
 def _refitted(form):
     """A candidate that was refitted, as `Refitted` would hold it, and its trial."""
     drive, trial = TABLE_I.with_effects(form()), _trial(form)
-    joint = SimpleNamespace(
-        layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), setting=SimpleNamespace(drive=drive)
-    )
-    model = SimpleNamespace(joint=joint, judgement=_judged(0.02))
+    posterior = SimpleNamespace(layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), drive=drive)
+    model = SimpleNamespace(joint=posterior, judgement=_judged(0.02))
     return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
 
 
@@ -393,5 +391,5 @@ def test_a_recording_too_short_to_be_scored_is_refused_with_a_cure():
 @pytest.mark.parametrize("roles", [("fit", "fit"), ("holdout", "holdout"), ()])
 def test_a_case_without_both_roles_is_refused(roles):
     case = _case(*(_recording(f"r{k}", role=role) for k, role in enumerate(roles)))
-    with pytest.raises(InputError, match=r'at least one kept aside.*role = "holdout"'):
+    with pytest.raises(InputError, match=r'at least one held-out recording.*role = "holdout"'):
         diagnose(case)
