@@ -1,11 +1,10 @@
 """A made-up motion, what the base model saw of it, and innovations of a true model along it."""
 
-from types import SimpleNamespace
-
 import numpy as np
 from helpers_estimation import FINE, PLANT, RATE
 
 from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
@@ -50,7 +49,8 @@ class World:
         return drawn.astype(float) * np.sqrt(level)
 
     def located(self, e, after=None, *, floor=None, chance=None):
-        views = SimpleNamespace(e=e), SimpleNamespace(e=e if after is None else after)
+        # The map uses the innovations of a view alone.
+        views = (View(own, own, own, own, own, own) for own in (e, e if after is None else after))
         return locate(*views, self.axes, self.scene, floor, chance or self.chance)
 
     def planted(self, where, size=8.0, seed=0):
