@@ -11,7 +11,6 @@ from frictionjax.diagnosis.base_model.fit_base import parameters_of
 from frictionjax.diagnosis.evidence.judgement import Judgement, judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import (
-    _COLOUR,
     answer_to_force,
     colour,
     floor_of,
@@ -20,12 +19,14 @@ from frictionjax.diagnosis.evidence.noise_floor import (
     quietness,
     scatter,
 )
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch, noise_level
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
 from frictionjax.recordings import Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 
+RULE = Rule()
 QUIET = 0.03
 """Noise of these recordings over that of the others: a force of that size shows in a few seconds."""
 FORCE = 0.002
@@ -117,7 +118,7 @@ def test_colour_raises_the_floor_of_its_own_recording_alone(shaken):
     joint, _, power = shaken
     floor = np.ones_like(power)
     scored = np.asarray(joint.batch.block_count) > 0
-    for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, _COLOUR)):
+    for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, RULE.floor.colour)):
         powers = np.where(scored, 1.0, 0.0)
         powers[1] *= factor
         np.testing.assert_allclose(colour(powers, floor, joint)[:, 0], [1.0, found, 1.0])
@@ -135,7 +136,7 @@ def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
     p = float(np.sqrt(1.0 - gains.position))
     innovation = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], x) / float(innovation_gain(gains))
     assert level < 0.75 * np.std(x)
-    assert np.var(innovation) / level**2 == pytest.approx(_COLOUR, rel=0.05)
+    assert np.var(innovation) / level**2 == pytest.approx(RULE.floor.colour, rel=0.05)
 
 
 def test_runs_of_a_machine_that_is_not_chaotic_part_by_the_force_alone(shaken):

@@ -16,8 +16,8 @@ from helpers_plants import ROTARY, effect
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.intake.coverage import idle_effects
+from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
-from frictionjax.diagnosis.selection import select
 from frictionjax.estimation.data.force_noise import sensor_noise, unrepeated
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
 from frictionjax.estimation.objective.robust import extend, make_joint
@@ -122,7 +122,7 @@ def slipping():
     """A hidden Maxwell slip, one effect in place of the whole catalogue."""
     few = {"maxwell_slip": catalogue()["maxwell_slip"][:1]}
     with pytest.MonkeyPatch.context() as monkeypatch, ThreadPoolExecutor(2) as executor:
-        monkeypatch.setattr(select, "catalogue", lambda: few)
+        monkeypatch.setattr(try_catalogue, "catalogue", lambda: few)
         return diagnose(motion_case(SLIP), executor=executor)
 
 

@@ -13,7 +13,7 @@ import frictionjax.api
 from frictionjax.core import PrecisionError
 from frictionjax.demo import write_demo_case
 from frictionjax.diagnosis import diagnose
-from frictionjax.diagnosis.selection import select
+from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.physics import catalogue
 from frictionjax.recordings import load_case
 
@@ -27,7 +27,7 @@ LATE = 2
 def _few(monkeypatch):
     """One effect in place of the whole catalogue: a small case costs little but the compilation of each."""
     names = {name: catalogue()[name][:1] for name in FEW}
-    monkeypatch.setattr(select, "catalogue", lambda: names)
+    monkeypatch.setattr(try_catalogue, "catalogue", lambda: names)
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,11 @@
 """Stored tables: they decide as when they were made, and say where a rule leads off their path."""
 
 import dataclasses
+import gzip
 import json
+from pathlib import Path
 
+import helpers_rule
 import pytest
 from helpers_rule import row, table
 
@@ -95,6 +98,32 @@ def test_numbers_that_entered_the_tables_cannot_be_changed_afterwards():
         _search(first, rule=RULE.changed({"floor.colour": 3.0}))
     with pytest.raises(NotStored, match="adequate"):
         _search(first, rule=RULE.changed({"limits.adequate": 0.02}))
+
+
+@pytest.fixture(scope="module")
+def two_effects():
+    """What was decided of a plant with a load and a lag of its drive, and the tables that decided it."""
+    packed = (Path(helpers_rule.__file__).parent / "two_effects.json.gz").read_bytes()
+    return json.loads(gzip.decompress(packed))
+
+
+def _again(two_effects, rule):
+    return _search(*map(table_of, two_effects["tables"]), rule=rule)
+
+
+def test_stored_tables_decide_as_the_refits_did(two_effects):
+    """Two effects neither of which is acceptable alone: to the last bit."""
+    found = _again(two_effects, RULE)
+    assert list(found.names) == two_effects["names"] == ["constant_load", "drive_lag"]
+    assert (found.verdict, found.share) == (two_effects["verdict"], two_effects["share"])
+    assert [list(evidence) for evidence in found.evidence] == two_effects["evidence"]
+
+
+def test_another_rule_goes_other_ways_on_the_same_tables(two_effects):
+    # The first is acceptable alone, and the second is found beside it.
+    eager = _again(two_effects, RULE.changed({"accept.least_share": 0.4}))
+    assert list(eager.names) == two_effects["names"]
+    assert _again(two_effects, RULE.changed({"accept.promising": 1.5})).names == ()
 
 
 def test_a_lead_without_clusters_is_none():
