@@ -18,7 +18,7 @@ from frictionjax.estimation.data.observation import (
     responses_of,
     sort_data,
 )
-from frictionjax.estimation.descent.refine import Refined, refine
+from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
 from frictionjax.estimation.descent.settle import robust_costs, settle
 from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_response, observed
 from frictionjax.estimation.objective.loss import AbstractLoss, Gaussian
@@ -277,7 +277,7 @@ def _best(
         progress("refining", 0.4 + 0.5 * number / _WAYS)
         # The range is about the settled vector from now on: a bad start may have been further off than a good one is.
         settled = near.within(end[0])
-        found.append(refine(_about(posterior, settled), settled, substeps=substeps, known=known))
+        found.append(refine(OneFit(known, substeps), at_start(_about(posterior, settled), settled)))
         if cost[0] < _CLEAN and not found[-1].apart:
             break
     return min(found, key=lambda one: one.cost)

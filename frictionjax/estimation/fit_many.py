@@ -1,6 +1,6 @@
 """`fit_many`: one model fitted to many data sets of one shape at once: Monte Carlo studies and the bootstrap.
 
-The way of `fit`, on every core at once (`side_by_side.py`).
+The descents of `fit` (`settle`, `refine`), on every core at once.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,7 @@ from jaxtyping import Bool, Float, Int
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import resolve
 from frictionjax.estimation.data.batch import Batch, make_batch
-from frictionjax.estimation.descent.refine import SHORT
-from frictionjax.estimation.descent.side_by_side import Found, Sets, follow
+from frictionjax.estimation.descent.replicated import Found, Sets, fitted
 from frictionjax.estimation.evidence import Observed, observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
@@ -47,6 +46,7 @@ class Replicas(eqx.Module):
     - `cost`: minus the log-posterior, but for a constant, shape `(d,)`; NaN where a fit was lost.
     - `moved`: how far the last round still moved the vector, at most, in standard deviations of a parameter were all
         others known, shape `(d,)`.
+    - `converged`: whether neither noise nor parameters change any more, shape `(d,)`.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -57,6 +57,7 @@ class Replicas(eqx.Module):
     push: Float[np.ndarray, "d r"]
     cost: Float[np.ndarray, " d"]
     moved: Float[np.ndarray, " d"]
+    converged: Bool[np.ndarray, " d"]
 
     def of(self, name: str) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, " d"]]:
         """Values and standard errors of the parameter `name`, shape `(d,)` each."""
@@ -81,7 +82,7 @@ def fit_many(
     """Fit `drive` to each of `sets`: the estimator of `fit`, many at once, on every core.
 
     All sets have the same number of recordings, with the same lengths and sample rates: they share one compiled
-    program. `Replicas.moved` says whether the rounds were enough.
+    program. `Replicas.converged` says whether the rounds were enough.
 
     **Arguments:**
 
@@ -174,7 +175,7 @@ def fit_many(
 
 
 def _on_all(posterior: Posterior, sets: Sets, substeps: int, settle: bool, progress: Progress) -> Found:
-    """`follow` for all `sets`, one after the other on each device: a thread for each feeds it."""
+    """The fits of all `sets`, one after the other on each device: a thread for each feeds it."""
     devices = jax.local_devices()
     # A GPU takes all of its share at once.
     lanes = _LANES if devices[0].platform == "cpu" else -(-sets.x.shape[0] // len(devices))
@@ -191,7 +192,7 @@ def _on_all(posterior: Posterior, sets: Sets, substeps: int, settle: bool, progr
         try:
             with jax.default_device(device):
                 there = jax.device_put((posterior, some), device)
-                found = follow(*there, substeps=substeps, settle=settle)
+                found = fitted(*there, substeps=substeps, first_descent=settle)
         finally:
             idle.put(device)
         return jax.tree.map(lambda leaf: leaf[: count - first], found)
@@ -216,9 +217,9 @@ def _outside(values: Float[np.ndarray, " d"]) -> Bool[np.ndarray, " d"]:
 
 
 def _doubtful(found: Found) -> Int[np.ndarray, " k"]:
-    """Places of the sets whose fit may be in a wrong valley: its cost, or a parameter, is far from those of the others,
-    or it still moved. To be tried again costs a set nothing but time."""
-    unlike = [_outside(found.cost), *(_outside(column) for column in found.values.T), ~(found.moved < SHORT)]
+    """Places of the sets whose fit may be at a wrong minimum: its cost, or a parameter, is far from those of the
+    others, or it has not converged. To be tried again costs a set nothing but time."""
+    unlike = [_outside(found.cost), *(_outside(column) for column in found.values.T), ~found.converged]
     return np.flatnonzero(np.any(unlike, axis=0))
 
 
@@ -270,4 +271,5 @@ def _replicas(found: Found, posterior: Posterior) -> Replicas:
         np.asarray(found.noise.push),
         np.where(usable, cost, np.nan),
         found.moved,
+        found.converged,
     )

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
@@ -205,18 +205,28 @@ def _physical(layout, drive, vector, start):
     return values(vector), jax.jacfwd(values)(vector)
 
 
+def touching(
+    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"], *, margin: float = 0.0
+) -> Bool[Array | np.ndarray, " p"]:
+    """Which free parameters are at an end of their admissible range, or have their logarithm within `margin` of it;
+    other arguments as in `unpack`. Works inside transformations."""
+    xp = _library(layout, vector, start)
+    if xp is np:
+        layout, vector, start = jax.device_get((layout, vector, start))
+    found = []
+    for index, free in enumerate(layout):
+        low, high = free.range(start[index])
+        near = margin if free.parameter.transform == "log" else 0.0
+        found.append((low + near < vector[index]) & (vector[index] < high - near))
+    return ~xp.stack(found) if found else xp.zeros(0, dtype=bool)
+
+
 def at_a_bound(
     layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"], *, margin: float = 0.0
 ) -> tuple[str, ...]:
-    """Labels of the free parameters that ended at an end of their admissible range, or with their logarithm within
-    `margin` of it; other arguments as in `unpack`."""
-    ends = []
-    for free, coordinate, first in zip(layout, np.asarray(vector), np.asarray(start), strict=True):
-        low, high = free.range(first)
-        near = margin if free.parameter.transform == "log" else 0.0
-        if not float(low) + near < float(coordinate) < float(high) - near:
-            ends.append(free.label)
-    return tuple(ends)
+    """Labels of the free parameters that are `touching` an end of their admissible range; arguments as there."""
+    ends = touching(layout, vector, start, margin=margin)
+    return tuple(free.label for free, end in zip(layout, ends, strict=True) if end)
 
 
 def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Array, " q"]:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
-from frictionjax.estimation.descent.refine import CLOSE, LONG
+from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import part_of
@@ -103,7 +103,7 @@ def _held(posterior: Posterior, vector, means):
     def one(mean):
         there = eqx.tree_at(lambda p: p.constraints.beliefs[-1].mean, posterior, mean)
         end = levenberg_marquardt(
-            there, vector, LONG * equal_curvature(there, vector), _STEPS, tolerance=CLOSE
+            there, vector, NEAR_UNITS * equal_curvature(there, vector), _STEPS, tolerance=NEAR_TOLERANCE
         )
         own = there.constraints.beliefs[-1]
         value = own.value(there.drive_of(end.vector))
@@ -176,7 +176,7 @@ def _redrawn(posterior: Posterior, vector, unit, keys):
             own = jax.random.fold_in(key, index)
             drawn.append(evidence.replica(drive, posterior.deflections_of(vector, index), own))
         there = eqx.tree_at(lambda p: p.evidence, posterior, tuple(drawn))
-        end = levenberg_marquardt(there, vector, unit, _STEPS, tolerance=CLOSE)
+        end = levenberg_marquardt(there, vector, unit, _STEPS, tolerance=NEAR_TOLERANCE)
         found = there.drive_of(end.vector)
         return jnp.stack([part_of(found, free.path) for free in posterior.constraints.layout])
 
@@ -212,7 +212,7 @@ def bootstrap(
         raise InputError(f"`draws` is {draws}", place="`draws`", cure="Two are the least; 200 are usual.")
     if not all(isinstance(one, AbstractMeasurement) for one in posterior.evidence):
         raise InputError("no data can be drawn from this fit", place="`result`", cure="Give one from `fit`.")
-    unit = LONG * equal_curvature(posterior, vector)
+    unit = NEAR_UNITS * equal_curvature(posterior, vector)
     keys = jax.random.split(key, draws)
     piece = min(piece, draws)
     found = []

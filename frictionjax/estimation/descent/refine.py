@@ -1,194 +1,314 @@
-"""From the right valley to its bottom: prediction errors of a Kalman filter, with the noise that is really there.
+"""The second descent of a fit, to the minimum: innovations of a Kalman filter, with the noise that is really there.
 
-In turn: the noise of each recording by the likelihood, then the parameters by Levenberg-Marquardt, until neither moves.
+Noise and parameters in turn (`round.py`), until neither changes; the same way for one fit and for many side by side.
 """
 
+from abc import abstractmethod
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
-from frictionjax.estimation.descent.levenberg_marquardt import STRIDE, equal_curvature, levenberg_marquardt
-from frictionjax.estimation.evidence import (
-    Forces,
-    Noise,
-    Observed,
-    Positions,
-    filtered_on_all,
-    scored_from_the_start,
+from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
+from frictionjax.estimation.descent.round import (
+    NEAR_TOLERANCE,
+    ROUNDS,
+    SAME_COST,
+    Progress,
+    State,
+    judged,
+    one_round,
+    weighed,
+    with_unit,
 )
+from frictionjax.estimation.evidence import Forces, Noise, Observed, Positions, filtered_on_all
 from frictionjax.estimation.objective.posterior import Posterior
 
-# Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still coming; then
+# Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still far off; then
 # candidates for what is likely; then candidates over the last one found. All of one number: one compiled program.
-AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
-LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
-NEXT = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
-STEPS = 5  # of Levenberg-Marquardt in a round; the first only looks around
-ROUNDS = 12
-STILL = 0.5  # of the cost, a log-likelihood: less is no news
-SHORT = 1.0  # standard deviations of a coordinate, were all others known: so short a round was the last,
-ALIKE = np.log(1.2)  # if the likeliest noise also stays within this factor
-# A recording that asks for so many times the least unmeasured force may have a wrong model.
-_APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is not worth a thought
+_AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
+_LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
+_AROUND = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
+# A recording that needs so many times the least unmeasured force may have a wrong model.
+_APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is negligible
 _LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
-LONG = 6.0  # times the units of the solver: so near the bottom next to no damping is needed
-CLOSE = 0.05  # of a unit: steps converge quadratically here, and the last one leaves far less
-_WORSE = 3  # rounds that cost more than the one before, until it is given up
-_FAR = 60  # steps through a valley that bends, where no noise has to be found on the way
+_FAR = 60  # steps along a curved valley, where no noise has to be found on the way
 _SHORTER = 4.0  # times shorter units, and so sixteen times the damping, after a round whose steps all fail
 
 
 class Refined(eqx.Module):
-    """The bottom of the valley.
+    """The minimum, of one fit, or of many side by side (arrays then have a leading axis).
 
-    **Attributes:** `posterior` (with the evidence as weighed at last), `vector`, `noise` of the recordings of position
-    (None without any), `cost` (minus the log-likelihood with the noise, but for a constant), `converged`.
+    **Attributes:** `state`: the likeliest one of all rounds; `progress`.
     """
 
-    posterior: Posterior
-    vector: Float[Array, " q"]
-    noise: Noise | None
-    cost: float
-    converged: bool
+    state: State
+    progress: Progress
+
+    @property
+    def posterior(self) -> Posterior:
+        """With the evidence as weighed at last."""
+        return self.state.posterior
+
+    @property
+    def vector(self) -> Float[Array, "*d q"]:
+        """The free coordinates."""
+        return self.state.vector
+
+    @property
+    def noise(self) -> Noise | None:
+        """Of the recordings of position; None without any."""
+        return self.state.noise
+
+    @property
+    def cost(self) -> float:
+        """Of a single fit: minus the log-posterior with the noise, but for a constant."""
+        return float(self.progress.least)
+
+    @property
+    def converged(self) -> bool:
+        """Of a single fit: whether neither noise nor parameters change any more."""
+        return bool(self.progress.converged)
 
     @property
     def apart(self) -> bool:
-        """Whether one recording asks for far more unmeasured force than another: its part of the model may be wrong."""
-        if self.noise is None:
-            return False
-        push, level = np.asarray(self.noise.push), float(self.posterior.drive_of(self.vector).friction.Fc)
-        return is_apart(push, level)
+        """Of a single fit: whether one recording needs far more unmeasured force than another."""
+        return bool(_apart(self.state, np.asarray(self.posterior.drive_of(self.vector).friction.Fc)))
 
 
-def is_apart(push: Float[np.ndarray, " r"], level: float) -> bool:
-    """Whether one of the unmeasured forces `push` is far above another, and above what is usual at Coulomb friction
-    `level`."""
-    return bool(np.max(push) > _APART * max(float(np.min(push)), _USUAL * level))
+class AbstractRounds(eqx.Module):
+    """How rounds are run: those of one fit, or of many side by side.
+
+    **Attributes:** `known`: recordings of position whose noise is given, shape `(r,)`; `substeps`: integration steps
+    per sample.
+    """
+
+    known: eqx.AbstractVar[Bool[np.ndarray, " r"]]
+    substeps: eqx.AbstractVar[int]
+
+    @abstractmethod
+    def round(self, state: State, ratios: Float[np.ndarray, "*d r k"] | None) -> State:
+        """`one_round` from `state` with these candidate `ratios`; with all that a state may have."""
+
+    @abstractmethod
+    def started(self, state: State) -> Progress:
+        """The progress at `state`, before any round."""
+
+    @abstractmethod
+    def judged(
+        self, progress: Progress, before: State, after: State
+    ) -> tuple[Progress, Bool[Array, "*d"], Bool[Array, "*d"]]:
+        """The stopping rule `judged`."""
+
+    @abstractmethod
+    def coulomb(self, state: State) -> Float[np.ndarray, "*d"]:
+        """Coulomb friction at `state`."""
+
+    @abstractmethod
+    def where(self, chosen: Bool[Array, "*d"], this: PyTree, other: PyTree) -> PyTree:
+        """`this` where `chosen`, else the `other`."""
 
 
-class _Present(eqx.Module):
-    posterior: Posterior
-    vector: Float[Array, " q"]
-    noise: Noise | None
-    unit: Float[Array, " q"] | None
+class OneFit(AbstractRounds):
+    """Rounds of one fit; its recordings are spread over all devices while their noise is sought.
+
+    **Attributes:** `known`, `substeps`: as in `AbstractRounds`.
+    """
+
+    known: Bool[np.ndarray, " r"]
+    substeps: int = eqx.field(static=True)
+
+    def round(self, state: State, ratios: Float[np.ndarray, "r k"] | None) -> State:
+        """`one_round` from `state` with these candidate `ratios`."""
+        return one_round(state, ratios, self.known, self.substeps, filtered_on_all)
+
+    def started(self, state: State) -> Progress:
+        """The progress at `state`, before any round."""
+        return _started()
+
+    def judged(
+        self, progress: Progress, before: State, after: State
+    ) -> tuple[Progress, Bool[Array, ""], Bool[Array, ""]]:
+        """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
+        return _judged(progress, before, after)
+
+    def coulomb(self, state: State) -> Float[np.ndarray, ""]:
+        """Coulomb friction at `state`."""
+        return np.asarray(state.posterior.drive_of(state.vector).friction.Fc)
+
+    def where(self, chosen: Bool[Array, ""], this: PyTree, other: PyTree) -> PyTree:
+        """`this` where `chosen`, else the `other`."""
+        return this if bool(chosen) else other
 
 
-def refine(
-    forgiving: Posterior, vector: Float[Array, " q"], *, substeps: int, known: Bool[np.ndarray, " r"]
-) -> Refined:
-    """Go to the bottom of the valley that `vector` is in.
+class ManyFits(AbstractRounds):
+    """Rounds of many fits side by side, on one device; those that have ended stay as they are.
+
+    **Attributes:** `known`, `substeps`: as in `AbstractRounds`.
+    """
+
+    known: Bool[np.ndarray, " r"]
+    substeps: int = eqx.field(static=True)
+
+    def round(self, state: State, ratios: Float[np.ndarray, "d r k"] | None) -> State:
+        """`one_round` from `state` with these candidate `ratios`."""
+        if state.unit is None:
+            state = _entered(state, ratios, self.known, self.substeps)
+        return _rounds(state, ratios, self.known, self.substeps)
+
+    def started(self, state: State) -> Progress:
+        """The progress at `state`, before any round."""
+        return jax.tree.map(lambda leaf: jnp.full(state.vector.shape[0], leaf), _started())
+
+    def judged(
+        self, progress: Progress, before: State, after: State
+    ) -> tuple[Progress, Bool[Array, " d"], Bool[Array, " d"]]:
+        """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
+        return _judged_each(progress, before, after)
+
+    def coulomb(self, state: State) -> Float[np.ndarray, " d"]:
+        """Coulomb friction at `state`."""
+        return np.asarray(_coulomb_each(state))
+
+    def where(self, chosen: Bool[Array, " d"], this: PyTree, other: PyTree) -> PyTree:
+        """`this` where `chosen`, else the `other`."""
+        return _where_each(chosen, this, other)
+
+
+def _started() -> Progress:
+    none, no, inf = jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf)
+    return Progress(none, inf, inf, none, no, inf, no, no)
+
+
+_judged = eqx.filter_jit(judged)
+
+
+@eqx.filter_jit
+def _judged_each(
+    progress: Progress, before: State, after: State
+) -> tuple[Progress, Bool[Array, " d"], Bool[Array, " d"]]:
+    return jax.vmap(judged)(progress, before, after)
+
+
+@eqx.filter_jit
+def _entered(
+    state: State, ratios: Float[np.ndarray, "d r k"], known: Bool[np.ndarray, " r"], substeps: int
+) -> State:
+    """The states with noise and unit, as every later round leaves them: one program for all of these."""
+    return jax.vmap(lambda own, some: with_unit(weighed(own, some, known, substeps)))(state, ratios)
+
+
+@eqx.filter_jit
+def _rounds(
+    state: State, ratios: Float[np.ndarray, "d r k"], known: Bool[np.ndarray, " r"], substeps: int
+) -> State:
+    return jax.vmap(lambda own, some: one_round(own, some, known, substeps))(state, ratios)
+
+
+@eqx.filter_jit
+def _coulomb_each(state: State) -> Float[Array, " d"]:
+    return jax.vmap(lambda own: own.posterior.drive_of(own.vector).friction.Fc)(state)
+
+
+@eqx.filter_jit
+def _where_each(chosen: Bool[Array, " d"], this: PyTree, other: PyTree) -> PyTree:
+    def one(own: Bool[Array, ""], this: PyTree, other: PyTree) -> PyTree:
+        return jax.tree.map(lambda a, b: jnp.where(own, a, b), this, other)
+
+    return jax.vmap(one)(chosen, this, other)
+
+
+def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refined:
+    """Go down to the minimum.
 
     **Arguments:**
 
-    - `forgiving`: the posterior that `settle` went down; its `Observed` evidence becomes `Positions`.
-    - `vector`: where to start, shape `(q,)`.
-    - `substeps`: integration steps per sample.
-    - `known`: recordings of position whose noise is given, shape `(r,)`.
+    - `rounds`: of one fit or of many.
+    - `state`: where `settle` ended; its `Observed` evidence becomes `Positions`.
+    - `near`: the parameters are near the minimum already: no round with a generous unmeasured force comes first.
     """
-    first = _Present(forgiving, vector, None, None)
-    if forgiving.has_positions:
-        first, _ = _descended(_weighed(first, _of_friction(first, AT_FIRST), substeps, known))
-    elif any(isinstance(one, Forces) for one in forgiving.evidence):
+    first = state
+    if state.posterior.has_positions and not near:
+        first = rounds.round(state, _of_friction(rounds, state, _AT_FIRST))
+    elif any(isinstance(one, Forces) for one in state.posterior.evidence):
         for _ in range(2):
-            first = _far_down(_weighed(first, None, substeps, known))
-    found = _to_the_bottom(first, LIKELY, substeps, known)
-    if found.apart and found.noise is not None:
-        # Parameters that only one recording shows may be far off and look like an unmeasured force there. Allowed less
-        # and less of it, all alike, the recordings must follow the model; the likelihood judges which of the two holds.
-        present = _Present(forgiving, vector, None, None)
+            first = _far_down(weighed(first, None, rounds.known, rounds.substeps))
+    found = _to_the_minimum(rounds, first, _LIKELY)
+    apart = _apart(found.state, rounds.coulomb(found.state))
+    if np.any(apart):
+        # Parameters that only one recording determines may be far off and look like an unmeasured force there. Allowed
+        # less and less of it, all alike, the recordings must follow the model; the likelihood judges which holds.
+        present = state
         for part in _LESS:
-            ratios = _of_friction(present, np.full(NEXT.size, part))
-            present, _ = _descended(_weighed(present, ratios, substeps, known))
-        again = _to_the_bottom(present, NEXT, substeps, known)
-        if again.cost < found.cost - STILL:
-            return again
+            present = rounds.round(present, _of_friction(rounds, present, np.full(_AROUND.size, part)))
+        again = _to_the_minimum(rounds, present, _AROUND)
+        better = again.progress.least < found.progress.least - SAME_COST
+        found = rounds.where(better & apart, again, found)
     return found
 
 
-def _to_the_bottom(present: _Present, parts: Float[np.ndarray, " k"], substeps: int, known) -> Refined:
-    """Noise and parameters in turn, until neither moves; `parts` of Coulomb friction are the first candidates."""
-    last, worse, retried, converged = np.inf, 0, False, False
-    best, least = present, np.inf
+def at_start(posterior: Posterior, vector: Float[Array, "*d q"]) -> State:
+    """A `State` before any round."""
+    return State(posterior, vector, None, None, jnp.full(vector.shape[:-1], jnp.inf))
+
+
+def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarray, " k"]) -> Refined:
+    """Noise and parameters in turn, until neither changes; `parts` of Coulomb friction are the first candidates."""
+    best, progress = state, rounds.started(state)
     for number in range(ROUNDS):
-        around = _around(present) if number > 0 or parts is NEXT else _of_friction(present, parts)
-        moved, cost = _descended(_weighed(present, around, substeps, known))
-        if bool(jnp.all(moved.vector == present.vector)) and not retried and number < ROUNDS - 1:
-            # Every step failed: at the bottom, or where the valley bends too much for next to no damping.
-            last, retried = min(last, cost), True
-            shorter = None if moved.unit is None else moved.unit / _SHORTER
-            present = _Present(moved.posterior, moved.vector, moved.noise, shorter)
-            continue
-        if cost < least:
-            best, least, retried = moved, cost, False
-        converged = abs(last - cost) < STILL or _at_rest(present, moved)
-        # Other weights may cost a round what the next ones win back.
-        worse += cost > last
-        if converged or worse > _WORSE:
+        around = number > 0 or parts is _AROUND
+        ratios = _around(state) if around else _of_friction(rounds, state, parts)
+        after = rounds.round(state, ratios)
+        news, failed, better = rounds.judged(progress, state, after)
+        onward = rounds.where(failed, _shorter(after), after)
+        if number == 0:
+            state, best, progress = onward, after, news
+        else:
+            now = (onward, rounds.where(better, after, best), news)
+            state, best, progress = rounds.where(progress.ended, (state, best, progress), now)
+        if np.all(progress.ended):
             break
-        present, last = moved, cost
-    return Refined(best.posterior, best.vector, best.noise, float(least), converged)
+    return Refined(best, progress)
 
 
-def _at_rest(before: _Present, after: _Present) -> bool:
-    """Whether a round has moved next to nothing: the weights of one more would be the same."""
-    if after.unit is None or (after.noise is not None and before.noise is None):
-        return False
-    far = np.abs(np.asarray(after.vector - before.vector)) * STRIDE * LONG / np.asarray(after.unit)
-    if np.max(far) > SHORT:
-        return False
-    if before.noise is None or after.noise is None:
-        return True
-    return bool(np.all(np.abs(np.log(after.noise.best) - np.log(before.noise.best)) < ALIKE))
+def _shorter(state: State) -> State:
+    """The same with shorter units."""
+    return eqx.tree_at(lambda s: s.unit, state, state.unit / _SHORTER)
 
 
-def _around(present: _Present) -> Float[np.ndarray, "r k"] | None:
+def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:
     """Candidates about the likeliest ratios: where a parabola through those tried has its top."""
-    return None if present.noise is None else np.asarray(present.noise.best)[:, None] * NEXT[None]
+    return None if state.noise is None else np.asarray(state.noise.best)[..., None] * _AROUND
 
 
-def _of_friction(present: _Present, parts: Float[np.ndarray, " k"]) -> Float[np.ndarray, "r k"] | None:
+def _of_friction(
+    rounds: AbstractRounds, state: State, parts: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, "*d r k"] | None:
     """Candidate ratios for an unmeasured force of so many `parts` of Coulomb friction."""
-    for one in present.posterior.evidence:
+    for one in state.posterior.evidence:
         if isinstance(one, Observed | Positions):
-            level = float(present.posterior.drive_of(present.vector).friction.Fc)
-            return level / np.asarray(one.batch.noise)[:, None] * parts[None]
+            level = rounds.coulomb(state)
+            return level[..., None, None] / np.asarray(one.batch.noise)[..., None] * parts
     return None
 
 
-def _weighed(present: _Present, ratios, substeps: int, known) -> _Present:
-    """The same place, with every noise as likely as can be there."""
-    posterior, vector = present.posterior, present.vector
-    drive, evidence, noise = posterior.drive_of(vector), list(posterior.evidence), present.noise
-    for index, one in enumerate(evidence):
-        z0 = posterior.deflections_of(vector, index)
-        if isinstance(one, Forces):
-            evidence[index] = one.with_noise_of(drive, z0)
-        elif isinstance(one, Observed | Positions):
-            batch = scored_from_the_start(one.batch) if isinstance(one, Observed) else one.batch
-            evidence[index], noise = filtered_on_all(
-                drive, z0, batch, jnp.asarray(ratios), jnp.asarray(known), substeps
-            )
-    weighed = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
-    return _Present(weighed, vector, noise, present.unit)
+def _apart(state: State, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarray, "*d"]:
+    """Whether one recording needs an unmeasured force far above that of another, and above what is usual at Coulomb
+    friction `level`: its part of the model may be wrong."""
+    if state.noise is None:
+        return np.zeros(level.shape, dtype=bool)
+    push = np.asarray(state.noise.push)
+    return np.asarray(np.max(push, axis=-1) > _APART * np.maximum(np.min(push, axis=-1), _USUAL * level))
 
 
-def _far_down(present: _Present) -> _Present:
+def _far_down(state: State) -> State:
     """Many damped steps down, and ranges about where they lead: the robust cost may have left a parameter that hardly
     shows beside the forgiving noise at an end of its range."""
-    posterior = present.posterior
-    unit = equal_curvature(posterior, present.vector)
-    end = levenberg_marquardt(posterior, present.vector, unit, _FAR, tolerance=CLOSE)
+    posterior = state.posterior
+    unit = equal_curvature(posterior, state.vector)
+    end = levenberg_marquardt(posterior, state.vector, unit, _FAR, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
-    return _Present(eqx.tree_at(lambda p: p.start, posterior, vector), vector, present.noise, None)
-
-
-def _descended(present: _Present) -> tuple[_Present, float]:
-    """A few steps down; and minus the log-likelihood, noise included, by which rounds are compared."""
-    posterior, unit = present.posterior, present.unit
-    if unit is None:
-        unit = LONG * equal_curvature(posterior, present.vector)
-    end = levenberg_marquardt(posterior, present.vector, unit, STEPS, tolerance=CLOSE)
-    total = float(end.cost) + float(posterior.log_deviation)
-    vector = posterior.within(end.vector)
-    return _Present(posterior.reaching(vector), vector, present.noise, LONG * end.unit), total
+    own = eqx.tree_at(lambda p: p.start, posterior, vector)
+    return State(own, vector, state.noise, None, state.cost)

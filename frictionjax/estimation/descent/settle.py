@@ -1,102 +1,148 @@
-"""From any start into the right valley: robust Levenberg-Marquardt on forgiving evidence, many starts side by side."""
+"""The first descent of a fit, from any start: robust Levenberg-Marquardt on forgiving evidence, many side by side."""
+
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.objective.loss import Cauchy
 from frictionjax.estimation.objective.posterior import Posterior
 
-_QUANTILES = (0.95, 0.8, 0.5)  # of the block powers: knees of the loss, in turn, before it is at the noise
-_NEAR = 1.2  # a knee below this many noise powers is as good as at the noise
-_STEPS = 4  # of Levenberg-Marquardt in a round; the first only looks around
+_QUANTILES = (0.95, 0.8, 0.5)  # of the block powers: scales of the loss, in turn, before it is at the noise
+_AT_THE_NOISE = 1.2  # a scale below this many noise powers is as good as at the noise
+_STEPS = 4  # of Levenberg-Marquardt at one scale of the loss; the first only evaluates the start
+_ROUNDS = 6  # with the scale at the noise, at most
 _ENOUGH = 0.05  # a round at the noise that takes less than this part off the cost is the last
+_LEAST_GAIN = 1e-4  # or less than this
+
+
+def _over(function: Callable, each: bool) -> Callable:
+    """`function` of a posterior and of arrays, for many rows of the arrays; the posterior is the same for all, or, with
+    `each`, one for each row."""
+    return lambda posterior, *rows: jax.vmap(function, (0 if each else None, *(0,) * len(rows)))(
+        posterior, *rows
+    )
 
 
 @eqx.filter_jit
-def _powers(posterior: Posterior, vectors: Float[Array, "k q"]) -> Float[Array, "k b"]:
+def _powers(posterior: Posterior, vectors: Float[Array, "k q"], each: bool) -> Float[Array, "k b"]:
     """Mean square of each block of all evidence, in noise levels, for each of `vectors`."""
 
-    def one(vector):
+    def one(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " b"]:
         found = []
         for index, evidence in enumerate(posterior.evidence):
             e = posterior.errors(vector, index)
             found.append(jnp.sum(e * e, axis=1) / jnp.maximum(evidence.count, 1.0))
         return jnp.concatenate(found)
 
-    return jax.vmap(one)(vectors)
+    return _over(one, each)(posterior, vectors)
 
 
 @eqx.filter_jit
-def _units(posterior, vectors):
-    return jax.vmap(lambda vector: equal_curvature(posterior, vector))(vectors)
+def _units(posterior: Posterior, vectors: Float[Array, "k q"], each: bool) -> Float[Array, "k q"]:
+    return _over(equal_curvature, each)(posterior, vectors)
 
 
 @eqx.filter_jit
-def _round(posterior, vectors, units, knees):
-    def one(vector, unit, knee):
-        there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(knee))
+def _round(
+    posterior: Posterior,
+    vectors: Float[Array, "k q"],
+    units: Float[Array, "k q"],
+    scales: Float[Array, " k"],
+    each: bool,
+) -> Float[Array, "k q"]:
+    """A few steps down the robust cost of each, with these `scales` of the loss."""
+
+    def one(
+        posterior: Posterior, vector: Float[Array, " q"], unit: Float[Array, " q"], scale: Float[Array, ""]
+    ) -> Float[Array, " q"]:
+        there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(scale))
         return levenberg_marquardt(there, vector, unit, _STEPS).vector
 
-    return jax.vmap(one)(vectors, units, knees)
+    return _over(one, each)(posterior, vectors, units, scales)
 
 
-def robust_costs(posterior: Posterior, vectors: Float[Array, "k q"]) -> Float[np.ndarray, " k"]:
-    """Mean of log((1 + block power)/2)/2 over the scored samples of the `posterior` at each of `vectors`, shape `(k,)`:
-    0 at the noise; infinite where a run is not finite."""
-    return _costs(np.asarray(_powers(posterior, vectors)), posterior)
+def robust_costs(
+    posterior: Posterior, vectors: Float[Array, "k q"], *, each: bool = False
+) -> Float[np.ndarray, " k"]:
+    """Mean of log((1 + block power)/2)/2 over the scored samples at each of `vectors`: 0 at the noise; infinite where
+    a run is not finite.
+
+    **Arguments:**
+
+    - `posterior`: of all `vectors`; or, with `each`, one for each of them, leaves of shape `(k, ...)`.
+    - `vectors`: shape `(k, q)`.
+    """
+    return _costs(np.asarray(_powers(posterior, vectors, each)), np.asarray(_counts(posterior, each)))
 
 
-def _costs(powers, posterior):
-    count = np.concatenate([np.asarray(evidence.count) for evidence in posterior.evidence])
+@eqx.filter_jit
+def _counts(posterior: Posterior, each: bool) -> Float[Array, " b"]:
+    """Scored numbers in each block of all evidence; posteriors side by side score the same ones."""
+
+    def one(posterior: Posterior) -> Float[Array, " b"]:
+        return jnp.concatenate([evidence.count for evidence in posterior.evidence])
+
+    return jax.vmap(one)(posterior)[0] if each else one(posterior)
+
+
+def _costs(powers: Float[np.ndarray, "k b"], count: Float[np.ndarray, " b"]) -> Float[np.ndarray, " k"]:
     total = 0.5 * np.log((1.0 + powers) / 2.0) @ count / count.sum()
     return np.where(np.isfinite(total), total, np.inf)
 
 
-def settle(
-    posterior: Posterior, vectors: Float[Array, "k q"], *, rounds: int = 6
-) -> tuple[Float[Array, "k q"], Float[np.ndarray, " k"]]:
-    """Bring down the robust cost of `posterior` from each of `vectors`, shape `(k, q)`, all side by side.
+def _scales(
+    powers: Float[np.ndarray, "k b"], scored: Bool[np.ndarray, " b"], quantile: float
+) -> Float[np.ndarray, " k"]:
+    """That quantile of the powers of the scored blocks of each, at least that of the noise."""
+    finite = np.where(np.isfinite(powers), powers, 1e12)
+    return np.maximum(np.quantile(finite[:, scored], quantile, axis=1), 1.0)
 
-    The knee of the loss comes down from the upper quantiles of the block powers to the noise: with the knee at the
-    noise from the start, a regime that misfits would be ignored.
+
+def settle(
+    posterior: Posterior, vectors: Float[Array, "k q"], *, each: bool = False
+) -> tuple[Float[Array, "k q"], Float[np.ndarray, " k"]]:
+    """Bring down the robust cost of `posterior` from each of `vectors`, all side by side.
+
+    The scale of the loss comes down from the upper quantiles of the block powers to the noise: with the scale at the
+    noise from the start, a regime that the model misses would be ignored.
 
     **Arguments:**
 
-    - `posterior`: forgiving evidence (`Observed`); its own loss is not used.
-    - `vectors`: starts.
-    - `rounds`: at most this many with the knee at the noise.
+    - `posterior`: forgiving evidence (`Observed`); its own loss is not used. One for all `vectors`; or, with `each`,
+        one for each of them, leaves of shape `(k, ...)`.
+    - `vectors`: starts, shape `(k, q)`.
 
     **Returns:**
 
     The vectors, shape `(k, q)`, and their robust costs (`robust_costs`), shape `(k,)`.
     """
-    scored = np.concatenate([np.asarray(evidence.count) for evidence in posterior.evidence]) > 0
-    powers = np.asarray(_powers(posterior, vectors))
-    best, least = vectors, _costs(powers, posterior)
+    count = np.asarray(_counts(posterior, each))
+    powers = np.asarray(_powers(posterior, vectors, each))
+    best, least = vectors, _costs(powers, count)
     units = None
-    for knee_at in (*_QUANTILES, *(None,) * rounds):
-        if knee_at is None:
-            knees = np.ones(len(least))
+    for quantile in (*_QUANTILES, *(None,) * _ROUNDS):
+        if quantile is None:
+            scales = np.ones(len(least))
         else:
-            finite = np.where(np.isfinite(powers), powers, 1e12)
-            knees = np.maximum(np.quantile(finite[:, scored], knee_at, axis=1), 1.0)
-            if np.all(knees < _NEAR):
+            scales = _scales(powers, count > 0, quantile)
+            if np.all(scales < _AT_THE_NOISE):
                 continue
         if units is None:
-            units = _units(posterior, vectors)
-        vectors = _round(posterior, vectors, units, jnp.asarray(knees))
-        powers = np.asarray(_powers(posterior, vectors))
-        costs = _costs(powers, posterior)
+            units = _units(posterior, vectors, each)
+        vectors = _round(posterior, vectors, units, jnp.asarray(scales), each)
+        powers = np.asarray(_powers(posterior, vectors, each))
+        costs = _costs(powers, count)
         gained = least - costs
         better = gained > 0.0
         best = jnp.where(jnp.asarray(better)[:, None], vectors, best)
         least = np.where(better, costs, least)
-        if knee_at is None:
+        if quantile is None:
             vectors = best
-            if np.all(gained < np.maximum(_ENOUGH * least, 1e-4)):
+            if np.all(gained < np.maximum(_ENOUGH * least, _LEAST_GAIN)):
                 break
     return best, least

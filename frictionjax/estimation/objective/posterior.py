@@ -28,7 +28,7 @@ from frictionjax.estimation.objective.quadratic import (
     quadratic_of,
     spread_out,
 )
-from frictionjax.estimation.parameters import INSIDE, Free, at_a_bound, pack, unpack
+from frictionjax.estimation.parameters import INSIDE, Free, pack, touching, unpack
 from frictionjax.physics import Drive
 
 _SQUARED = 1e150  # the square of more is no number
@@ -114,9 +114,9 @@ class Posterior(AbstractObjective):
         """The same, but where `vector`, shape `(q,)`, is at an end of a range about the start, it starts there: a
         descent that began far off may have further to go."""
         count = self.parameters
-        ends = at_a_bound(self.layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
-        places = np.array([one.label in ends for one in self.layout] + [False] * (vector.shape[0] - count))
-        return eqx.tree_at(lambda p: p.start, self, jnp.where(places, vector, self.start))
+        ends = touching(self.layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
+        ends = jnp.pad(jnp.asarray(ends), (0, vector.shape[0] - count))
+        return eqx.tree_at(lambda p: p.start, self, jnp.where(ends, vector, self.start))
 
     def errors(self, vector: Float[Array, " q"], index: int) -> Float[Array, "b n"]:
         """Errors over their standard deviations of evidence number `index`, shape `(b, n)`, at `vector`."""

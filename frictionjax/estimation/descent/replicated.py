@@ -1,0 +1,145 @@
+"""Fits of data sets of one shape, side by side on one device: the two descents of `fit`, and what is kept of each."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from frictionjax.estimation.descent.refine import ManyFits, at_start, refine
+from frictionjax.estimation.descent.round import State
+from frictionjax.estimation.descent.settle import robust_costs, settle
+from frictionjax.estimation.evidence import Noise
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.quadratic import cluster_curvatures, spread_out
+from frictionjax.estimation.parameters import part_of
+from frictionjax.estimation.uncertainty import clustered_covariance
+
+
+class Sets(eqx.Module):
+    """What differs from data set to data set; shapes `(d, ...)`.
+
+    **Attributes:** `u`, `x`, `noise`, `x0`, `v0` as in `Batch`; `vector` and `other`: two starts.
+    """
+
+    u: Float[Array | np.ndarray, "d r n"]
+    x: Float[Array | np.ndarray, "d r n"]
+    noise: Float[Array | np.ndarray, "d r"]
+    x0: Float[Array | np.ndarray, "d r"]
+    v0: Float[Array | np.ndarray, "d r"]
+    vector: Float[Array | np.ndarray, "d q"]
+    other: Float[Array | np.ndarray, "d q"]
+
+
+class Found(eqx.Module):
+    """Where the fits of `d` data sets ended.
+
+    **Attributes:** `vector`: free coordinates; `values` of the p parameters, their `slopes` by the vector; `hessian`
+    of the cost and `covariance` of the vector; `noise`; `cost`, `moved`, `converged`: as in `Replicas`.
+    """
+
+    vector: Float[np.ndarray, "d q"]
+    values: Float[np.ndarray, "d p"]
+    slopes: Float[np.ndarray, "d p q"]
+    hessian: Float[np.ndarray, "d q q"]
+    covariance: Float[np.ndarray, "d q q"]
+    noise: Noise
+    cost: Float[np.ndarray, " d"]
+    moved: Float[np.ndarray, " d"]
+    converged: Bool[np.ndarray, " d"]
+
+
+@eqx.filter_jit
+def _posteriors(posterior: Posterior, sets: Sets, vectors: Float[Array | np.ndarray, "d q"]) -> Posterior:
+    """The `posterior` with the numbers of each data set, about its own of `vectors`; leaves of shape `(d, ...)`."""
+
+    def one(own: Sets, start: Float[Array, " q"]) -> Posterior:
+        (evidence,) = posterior.evidence
+        batch = eqx.tree_at(
+            lambda b: (b.u, b.x, b.noise, b.x0, b.v0),
+            evidence.batch,
+            (own.u, own.x, own.noise, own.x0, own.v0),
+        )
+        return eqx.tree_at(lambda p: (p.evidence[0].batch, p.start), posterior, (batch, start))
+
+    return jax.vmap(one)(sets, jnp.asarray(vectors))
+
+
+@eqx.filter_jit
+def _within(posteriors: Posterior, vectors: Float[Array, "d q"]) -> tuple[Posterior, Float[Array, "d q"]]:
+    """The `vectors` inside their ranges, and the `posteriors` about them."""
+    inside = jax.vmap(lambda posterior, vector: posterior.within(vector))(posteriors, vectors)
+    return eqx.tree_at(lambda p: p.start, posteriors, inside), inside
+
+
+def fitted(posterior: Posterior, sets: Sets, *, substeps: int, first_descent: bool) -> Found:
+    """Fit the model of `posterior` to each of `sets`, all on the device that they are on.
+
+    **Arguments:**
+
+    - `posterior`: `Observed` evidence of the shape of all sets.
+    - `sets`: d of them.
+    - `substeps`: integration steps per sample.
+    - `first_descent`: go down a robust cost first, from the better of the two starts.
+
+    **Returns:**
+
+    What was `Found`, as numpy arrays.
+    """
+    vectors = jnp.asarray(sets.vector)
+    posteriors = _posteriors(posterior, sets, vectors)
+    if first_descent:
+        other = jnp.asarray(sets.other)
+        costs = [robust_costs(posteriors, start, each=True) for start in (vectors, other)]
+        vectors = jnp.where(jnp.asarray(costs[0] <= costs[1])[:, None], vectors, other)
+        vectors, _ = settle(eqx.tree_at(lambda p: p.start, posteriors, vectors), vectors, each=True)
+        posteriors, vectors = _within(posteriors, vectors)
+    known = np.zeros(sets.x.shape[1], dtype=bool)
+    refined = refine(ManyFits(known, substeps), at_start(posteriors, vectors), near=not first_descent)
+    values, slopes, hessian, clusters, bent = (np.asarray(a) for a in _near(refined.state))
+    place, prior = posterior.places[0], np.asarray(posterior.prior)
+    covariance = [
+        clustered_covariance(matrix, [own], [spread_out(parts, place)], prior, [place.rows])
+        for matrix, own, parts in zip(hessian, clusters, bent, strict=True)
+    ]
+    noise, progress = (jax.tree.map(np.array, own) for own in (refined.state.noise, refined.progress))
+    return Found(
+        np.array(refined.state.vector),
+        values,
+        slopes,
+        hessian,
+        np.stack(covariance),
+        noise,
+        progress.least,
+        progress.moved,
+        progress.converged,
+    )
+
+
+@eqx.filter_jit
+def _near(
+    states: State,
+) -> tuple[
+    Float[Array, "d p"],
+    Float[Array, "d p q"],
+    Float[Array, "d q q"],
+    Float[Array, "d c q"],
+    Float[Array, "d r m k k"],
+]:
+    """Values of the parameters and their slopes by the vector, matrix of the cost, gradients and curvatures of its
+    clusters, of each of `states`."""
+
+    def one(state: State):
+        there, vector = state.posterior, state.vector
+        evaluations = there.evaluate(vector)
+        near = there.assembled(evaluations, vector)
+        parts = (there.loss, there.weights[0], there.places[0], there.fitted[0])
+        bent = cluster_curvatures(evaluations[0], *parts)
+
+        def values(point: Float[Array, " q"]) -> Float[Array, " p"]:
+            drive = there.drive_of(point)
+            return jnp.stack([part_of(drive, free.path) for free in there.layout])
+
+        return values(vector), jax.jacfwd(values)(vector), near.hessian, near.clusters[0], bent
+
+    return jax.vmap(one)(states)

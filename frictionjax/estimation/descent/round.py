@@ -1,0 +1,160 @@
+"""One round of the second descent of a fit, and the rule by which the rounds stop: pure functions of its state.
+
+The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps of the parameters.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from frictionjax.estimation.descent.levenberg_marquardt import STRIDE, equal_curvature, levenberg_marquardt
+from frictionjax.estimation.evidence import (
+    Forces,
+    Noise,
+    Observed,
+    Positions,
+    filtered,
+    scored_from_the_start,
+)
+from frictionjax.estimation.objective.posterior import Posterior
+
+_STEPS = 5  # of Levenberg-Marquardt in a round; the first only evaluates the start
+ROUNDS = 12
+"""Rounds, at most."""
+SAME_COST = 0.5
+"""Nats of log-likelihood: two rounds that differ by less have the same cost."""
+SHORT_MOVE = 1.0
+"""Standard deviations of a coordinate, were all others known: a round that moves less is the last, if the noise is the
+same, too."""
+_SAME_NOISE = np.log(1.2)  # of the logarithm of the likeliest ratio: less is the same noise
+NEAR_UNITS = 6.0
+"""Times the units of the solver: so near the minimum next to no damping is needed."""
+NEAR_TOLERANCE = 0.05
+"""Of a unit: steps converge quadratically near the minimum, and the last one leaves far less."""
+_WORSE = 3  # rounds that cost more than the one before, until the descent is given up
+
+
+class State(eqx.Module):
+    """Where a fit is between two rounds.
+
+    **Attributes:** `posterior` (with the evidence as last weighed), `vector`, shape `(q,)`; `noise` of the recordings
+    of position (None without any, or before the first round); `unit` of the solver, shape `(q,)` (None before the
+    first round); `cost`: minus the log-posterior, noise included, where the last round's steps ended.
+    """
+
+    posterior: Posterior
+    vector: Float[Array, " q"]
+    noise: Noise | None
+    unit: Float[Array, " q"] | None
+    cost: Float[Array, ""]
+
+
+class Progress(eqx.Module):
+    """What the stopping rule knows of the rounds so far.
+
+    **Attributes:** number of `rounds`, cost of the `last` one and the `least` one, how many were `worse` than the one
+    before, whether a round without a successful step has been `retried`, `moved` (how far the last round moved a
+    coordinate, at most, in its standard deviations were all others known), whether the rounds have `converged`, and
+    whether they have `ended`.
+    """
+
+    rounds: Int[Array, ""]
+    last: Float[Array, ""]
+    least: Float[Array, ""]
+    worse: Int[Array, ""]
+    retried: Bool[Array, ""]
+    moved: Float[Array, ""]
+    converged: Bool[Array, ""]
+    ended: Bool[Array, ""]
+
+
+def weighed(
+    state: State,
+    ratios: Float[Array | np.ndarray, "r k"] | None,
+    known: Bool[Array | np.ndarray, " r"],
+    substeps: int,
+    search: Callable = filtered,
+) -> State:
+    """The same place, with every noise as likely as can be there.
+
+    **Arguments:**
+
+    - `state`: the place.
+    - `ratios`: candidates for the ratio of unmeasured force to position noise, shape `(r, k)`; None without recordings
+        of position.
+    - `known`: recordings of position whose noise is given, shape `(r,)`.
+    - `substeps`: integration steps per sample.
+    - `search`: `filtered`, or `filtered_on_all` outside of transformations.
+    """
+    posterior, vector, noise = state.posterior, state.vector, state.noise
+    drive, evidence = posterior.drive_of(vector), list(posterior.evidence)
+    for index, one in enumerate(evidence):
+        z0 = posterior.deflections_of(vector, index)
+        if isinstance(one, Forces):
+            evidence[index] = one.with_noise_of(drive, z0)
+        elif isinstance(one, Observed | Positions):
+            batch = scored_from_the_start(one.batch) if isinstance(one, Observed) else one.batch
+            evidence[index], noise = search(
+                drive, z0, batch, jnp.asarray(ratios), jnp.asarray(known), substeps
+            )
+    own = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
+    return State(own, vector, noise, state.unit, state.cost)
+
+
+def with_unit(state: State) -> State:
+    """The same with the `unit` of the solver, where there is none yet."""
+    if state.unit is not None:
+        return state
+    unit = NEAR_UNITS * equal_curvature(state.posterior, state.vector)
+    return State(state.posterior, state.vector, state.noise, unit, state.cost)
+
+
+def one_round(
+    state: State,
+    ratios: Float[Array | np.ndarray, "r k"] | None,
+    known: Bool[Array | np.ndarray, " r"],
+    substeps: int,
+    search: Callable = filtered,
+) -> State:
+    """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in `weighed`.
+    Works inside transformations."""
+    there = with_unit(weighed(state, ratios, known, substeps, search))
+    posterior = there.posterior
+    end = levenberg_marquardt(posterior, there.vector, there.unit, _STEPS, tolerance=NEAR_TOLERANCE)
+    vector = posterior.within(end.vector)
+    cost = end.cost + posterior.log_deviation
+    return State(posterior.reaching(vector), vector, there.noise, NEAR_UNITS * end.unit, cost)
+
+
+def judged(
+    progress: Progress, before: State, after: State
+) -> tuple[Progress, Bool[Array, ""], Bool[Array, ""]]:
+    """The stopping rule: the progress after the round from `before` to `after`, whether its steps have all failed, and
+    whether it is the likeliest so far. Works inside transformations."""
+    cost, last = after.cost, progress.last
+    # Every step failed: at the minimum, or where the valley bends too much for next to no damping.
+    failed = jnp.all(after.vector == before.vector) & ~progress.retried & (progress.rounds < ROUNDS - 1)
+    better = ~failed & (cost < progress.least)
+    far = jnp.max(jnp.abs(after.vector - before.vector) * STRIDE * NEAR_UNITS / after.unit)
+    at_rest = ~(far > SHORT_MOVE)
+    if before.noise is not None and after.noise is not None:
+        change = jnp.abs(jnp.log(after.noise.best) - jnp.log(before.noise.best))
+        at_rest = at_rest & jnp.all(change < _SAME_NOISE)
+    converged = ~failed & ((jnp.abs(last - cost) < SAME_COST) | at_rest)
+    # Other weights may cost a round what the next ones win back.
+    worse = progress.worse + jnp.where(~failed & (cost > last), 1, 0)
+    rounds = progress.rounds + 1
+    now = Progress(
+        rounds=rounds,
+        last=jnp.where(failed & ~(cost < last), last, cost),
+        least=jnp.where(better, cost, progress.least),
+        worse=worse,
+        retried=failed | (progress.retried & ~better),
+        moved=far,
+        converged=converged,
+        ended=converged | (worse > _WORSE) | (rounds >= ROUNDS),
+    )
+    return now, failed, better
