@@ -55,7 +55,7 @@ class Free(eqx.Module):
     def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
         lower, upper = self.parameter.lower, self.upper
-        xp = _library(start, upper)
+        xp = numpy_or_jax(start, upper)
         none = xp.zeros_like(start)
         if self.path == "friction.Fs":
             return math.log(_LEAST_EXCESS) + none, math.log(_MOST_EXCESS) + none
@@ -68,9 +68,12 @@ class Free(eqx.Module):
         return lower / self.scale + none, upper / self.scale + none
 
 
-def _library(*trees: PyTree) -> ModuleType:
-    """Where the numbers in `trees` are known, NumPy: outside of a transformation JAX compiles each operation by itself,
-    and there are many where numbers are packed one by one; else JAX."""
+def numpy_or_jax(*trees: PyTree) -> ModuleType:
+    """NumPy where the numbers in `trees` are known, else JAX.
+
+    Outside of a transformation JAX compiles each operation by itself, and there are many where numbers are packed one
+    by one.
+    """
     return jnp if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees)) else np
 
 
@@ -120,7 +123,7 @@ def part_of(tree: PyTree, path: str) -> PyTree:
 
 def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
     """The vector of `drive`'s free parameters, shape `(p,)`."""
-    xp = _library(layout, drive)
+    xp = numpy_or_jax(layout, drive)
     if xp is np:
         layout, drive = jax.device_get((layout, drive))
     values = []
@@ -150,7 +153,7 @@ def unpack(
     layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
 ) -> Drive:
     """`drive` with its free parameters set from `vector`; each stays inside its range."""
-    xp = _library(layout, drive, vector, start)
+    xp = numpy_or_jax(layout, drive, vector, start)
     if xp is np:
         layout, known_drive, vector, start = jax.device_get((layout, drive, vector, start))
     else:
@@ -210,7 +213,7 @@ def touching(
 ) -> Bool[Array | np.ndarray, " p"]:
     """Which free parameters are at an end of their admissible range, or have their logarithm within `margin` of it;
     other arguments as in `unpack`. Works inside transformations."""
-    xp = _library(layout, vector, start)
+    xp = numpy_or_jax(layout, vector, start)
     if xp is np:
         layout, vector, start = jax.device_get((layout, vector, start))
     found = []

@@ -103,7 +103,11 @@ def _held(posterior: Posterior, vector, means):
     def one(mean):
         there = eqx.tree_at(lambda p: p.constraints.beliefs[-1].mean, posterior, mean)
         end = levenberg_marquardt(
-            there, vector, NEAR_UNITS * equal_curvature(there, vector), _STEPS, tolerance=NEAR_TOLERANCE
+            there,
+            vector,
+            NEAR_UNITS * equal_curvature(there, vector),
+            _STEPS,
+            tolerance=NEAR_TOLERANCE,
         )
         own = there.constraints.beliefs[-1]
         value = own.value(there.drive_of(end.vector))

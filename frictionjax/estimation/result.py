@@ -10,11 +10,15 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
 from frictionjax.estimation.descent.refine import Refined
+from frictionjax.estimation.descent.stepper import Ending
 from frictionjax.estimation.evidence import Forces, Positions
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
 from frictionjax.estimation.uncertainty import covariance_of, estimate_of, inverse_of, raised
 from frictionjax.physics import Drive
+
+_IMPROVING = "The fit stopped at its last round while still improving; start it again from its own result."
+_STOPPED = {Ending.AT_REST: _IMPROVING, Ending.STEPS: _IMPROVING}
 
 
 class RecordingNoise(eqx.Module):
@@ -127,7 +131,7 @@ def make_result(
     sentences = [
         "The fit converged: neither noise nor parameters move any more."
         if refined.converged
-        else "The fit stopped at its last round while still improving; start it again from its own result."
+        else _STOPPED.get(refined.ending, refined.ending.value)
     ]
     if ends:
         sentences.append(f"At the end of its range: {', '.join(sorted(ends))}.")

@@ -23,7 +23,8 @@ class Nothing(eqx.Module):
 
 def _state(place, cost, ratio=1.0):
     noise = Noise(jnp.ones(1), jnp.ones(1), jnp.asarray([ratio]))
-    return State(Nothing(), jnp.asarray([place]), noise, jnp.asarray([UNIT]), jnp.asarray(cost))
+    unit, ending = jnp.asarray([UNIT]), jnp.asarray(0)
+    return State(Nothing(), jnp.asarray([place]), noise, unit, jnp.asarray(cost), ending)
 
 
 def _before_any(count=()):
@@ -100,7 +101,7 @@ class Scripted(AbstractRounds):
         number = len(self.calls)
         self.calls.append(np.asarray(state.vector)[:, 0])
         places, costs = jnp.asarray(self.places[number])[:, None], jnp.asarray(self.costs[number])
-        return State(state.posterior, places, state.noise, state.unit, costs)
+        return State(state.posterior, places, state.noise, state.unit, costs, state.ending)
 
     def started(self, state):
         return _before_any(state.vector.shape[:1])

@@ -1,17 +1,25 @@
-"""Weighted nonlinear least squares by optimistix: the one file that knows it."""
+"""Weighted nonlinear least squares in a compiled loop of optimistix: the one file that knows it."""
 
-from typing import NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from frictionjax.estimation.descent.stepper import Ending, Stepper
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
 
-# Coordinates are this many times longer than the standard deviation of a coordinate alone: the first damping is then a
-# twenty-fifth of the curvature.
 STRIDE = 5.0
+"""Units are this many times the standard deviation of a coordinate alone: the first damping is then a twenty-fifth of
+the curvature."""
+# A fit damps in coordinates that are scaled once, and eases its damping only where the quadratic model holds: by the
+# rule of a diagnosis one from a bad start stopped two nats above its minimum.
+OF_A_FIT = Stepper(
+    damping=1.0, scaled=False, easing=3.5, raising=4.0, enough=0.01, good=0.99, longest=float("inf")
+)
 
 
 def small_residuals(near: Quadratic) -> tuple[Float[Array, " q1"], Float[Array, "q1 q"]]:
@@ -45,13 +53,14 @@ def _residual_jvp(primals, tangents):
 
 
 class Descent(NamedTuple):
-    """Where a descent ended: `vector`, shape `(q,)`, its `cost`, the number of `steps`, and the units of equal
-    curvature there, `unit`, shape `(q,)`, as those of `equal_curvature`."""
+    """Where a descent ended: `vector`, shape `(q,)`, its `cost`, the number of `steps`, the units of equal curvature
+    there, `unit`, shape `(q,)`, as those of `equal_curvature`, and the number of the `ending` (`Ending.number`)."""
 
     vector: Float[Array, " q"]
     cost: Float[Array, ""]
     steps: Int[Array, ""]
     unit: Float[Array, " q"]
+    ending: Int[Array, ""]
 
 
 @eqx.filter_jit
@@ -62,6 +71,79 @@ def equal_curvature(objective: AbstractObjective, vector: Float[Array, " q"]) ->
     return jnp.where(curvature > 0.0, STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), 1.0)
 
 
+@functools.cache
+def _solver(stepper: Stepper, tolerance: float) -> Any:
+    """The solver of optimistix that takes the steps of `stepper`.
+
+    Optimistix has the loop, its end and its results; which step comes next is a *descent* and a *search* there. Classes
+    inside a function: the library loads slowly, and a diagnosis has a loop of its own.
+    """
+    import optimistix as optx
+
+    class Steps(optx.AbstractDescent):
+        """Steps of `stepper`; for the search, the size of a step is the inverse of its damping."""
+
+        def init(self, y, f_info_struct):
+            return jnp.zeros((y.size, y.size)), jnp.zeros_like(y)
+
+        def query(self, y, f_info, state):
+            jacobian = f_info.jac.as_matrix()
+            return jacobian.T @ jacobian, jacobian.T @ f_info.residual
+
+        def step(self, step_size, state):
+            step = stepper.step(*state, 1.0 / step_size)
+            sound = jnp.all(jnp.isfinite(step))
+            return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
+
+    class Damping(optx.AbstractSearch):
+        """The damping of `stepper`: a step is accepted where it lowers the cost."""
+
+        def init(self, y, f_info_struct):
+            return jnp.asarray(stepper.damping)
+
+        def step(self, first_step, y, y_eval, f_info, f_eval_info, state):
+            step, residual = y_eval - y, f_info.residual
+            after = f_info.jac.mv(step) + residual
+            predicted = 0.5 * (after @ after - residual @ residual)
+            change = f_eval_info.as_min() - f_info.as_min()
+            accepted, damping = stepper.judged(state, change, predicted)
+            accepted, damping = first_step | accepted, jnp.where(first_step, state, damping)
+            failed = damping > stepper.most
+            result = optx.RESULTS.where(failed, optx.RESULTS.nonlinear_divergence, optx.RESULTS.successful)
+            return 1.0 / damping, accepted, result, damping
+
+    class Solver(optx.AbstractGaussNewton):
+        """Least squares by these steps."""
+
+        rtol: float = 1e-3
+        atol: float = tolerance
+        norm: Callable = optx.max_norm
+        descent: Steps = Steps()
+        search: Damping = Damping()
+        verbose: Callable = _silent
+
+    return Solver()
+
+
+def _silent(**_: object) -> None:
+    """Optimistix tells of every step; nobody listens."""
+
+
+def _ending(result: Any) -> Int[Array, ""]:
+    """The number of the `Ending` that a `result` of optimistix stands for."""
+    import optimistix as optx
+
+    meanings = (
+        (optx.RESULTS.successful, Ending.AT_REST),
+        (optx.RESULTS.nonlinear_divergence, Ending.NO_STEP),
+        (optx.RESULTS.nonlinear_max_steps_reached, Ending.STEPS),
+    )
+    found = jnp.asarray(Ending.NOT_FINITE.number)
+    for one, ending in meanings:
+        found = jnp.where(result == one, ending.number, found)
+    return found
+
+
 @eqx.filter_jit
 def levenberg_marquardt(
     objective: AbstractObjective,
@@ -69,23 +151,28 @@ def levenberg_marquardt(
     unit: Float[Array, " q"],
     max_steps: int,
     *,
+    stepper: Stepper = OF_A_FIT,
     tolerance: float = 1e-2,
 ) -> Descent:
-    """At most `max_steps` Levenberg-Marquardt steps of optimistix from `vector`, shape `(q,)`.
+    """At most `max_steps` Levenberg-Marquardt steps from `vector`, shape `(q,)`, in a compiled loop.
 
-    A step that fails leaves the best vector so far; one shorter than `tolerance` units is the last. The solver damps
-    every coordinate alike and starts at a damping of 1, so it works in coordinates `unit` in which the matrix of
-    `objective` has the same diagonal (`equal_curvature`): without them, half a dozen rejected steps would still be
-    undamped.
+    A step that fails leaves the best vector so far; one shorter than `tolerance` units that also changes the residuals
+    by no more is the last.
+
+    **Arguments:**
+
+    - `objective`: what to bring down.
+    - `vector`: where to start, shape `(q,)`.
+    - `unit`: of the coordinates, shape `(q,)`: those of `equal_curvature`, or longer where less damping is needed.
+    - `max_steps`: evaluations, the first of them at `vector` itself.
+    - `stepper`: of the steps.
+    - `tolerance`: of the last step, in units.
     """
-    # Normal equations: in these coordinates they are well scaled.
-    import lineax as lx  # both load slowly, and a diagnosis has a descent of its own
     import optimistix as optx
 
-    solver = optx.LevenbergMarquardt(rtol=1e-3, atol=tolerance, linear_solver=lx.Normal(lx.Cholesky()))
     solution = optx.least_squares(
         lambda step, given: _residual(vector + unit * step, given),
-        solver,
+        _solver(stepper, tolerance),
         jnp.zeros_like(vector),
         args=objective,
         options={"jac": "fwd"},
@@ -101,4 +188,5 @@ def levenberg_marquardt(
         jnp.where(
             curvature > 0.0, unit * STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), unit
         ),
+        _ending(solution.result),
     )

@@ -23,6 +23,7 @@ from frictionjax.estimation.descent.round import (
     weighed,
     with_unit,
 )
+from frictionjax.estimation.descent.stepper import Ending
 from frictionjax.estimation.evidence import Forces, Noise, Observed, Positions, filtered_on_all
 from frictionjax.estimation.objective.posterior import Posterior
 
@@ -71,6 +72,11 @@ class Refined(eqx.Module):
     def converged(self) -> bool:
         """Of a single fit: whether neither noise nor parameters change any more."""
         return bool(self.progress.converged)
+
+    @property
+    def ending(self) -> Ending:
+        """Of a single fit: why the last steps of its best round ended."""
+        return list(Ending)[int(self.state.ending)]
 
     @property
     def apart(self) -> bool:
@@ -251,7 +257,9 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
 
 def at_start(posterior: Posterior, vector: Float[Array, "*d q"]) -> State:
     """A `State` before any round."""
-    return State(posterior, vector, None, None, jnp.full(vector.shape[:-1], jnp.inf))
+    each = vector.shape[:-1]
+    cost, ending = jnp.full(each, jnp.inf), jnp.full(each, Ending.STEPS.number)
+    return State(posterior, vector, None, None, cost, ending)
 
 
 def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarray, " k"]) -> Refined:
@@ -311,4 +319,4 @@ def _far_down(state: State) -> State:
     end = levenberg_marquardt(posterior, state.vector, unit, _FAR, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     own = eqx.tree_at(lambda p: p.start, posterior, vector)
-    return State(own, vector, state.noise, None, state.cost)
+    return State(own, vector, state.noise, None, state.cost, state.ending)

@@ -5,13 +5,13 @@ noise from the start, a regime that the model misses would be ignored. Starting 
 follow on their own.
 """
 
-from enum import Enum
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.estimation.descent.stepper import Ending, Stepper
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
@@ -19,17 +19,7 @@ from frictionjax.estimation.objective.robust import graduated
 
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the scale of the loss, in turn
 _LEVEL = 0.95  # quantile of the block powers below which all count alike
-_DAMPING, _LEAST, _MOST = 3e-2, 1e-6, 1e5
-_LONGEST = 1.5  # in a coordinate; a strength, whose unit is only where it begins to show, may at least double
-
-
-class Ending(Enum):
-    """Why a descent ended; the value is what is to be said of it."""
-
-    AT_REST = ""
-    NO_STEP = "The fit stopped where no step lowers the cost although its slope promises more: the cost is rough there."
-    STEPS = "The fit stopped while still improving slightly."
-    NOT_FINITE = "The fit stopped where derivatives overflow."
+_STEPPER = Stepper()
 
 
 class Fitted(NamedTuple):
@@ -119,7 +109,7 @@ def _steps(
     """At most so many `steps` down the `posterior` as it is: where they end, the cost near there, and why."""
     held_out = np.flatnonzero(np.asarray(posterior.fitted[0]) == 0.0) + posterior.parameters
     least, samples = _cost_at_scale(posterior)
-    damping, small, near = _DAMPING, 0, posterior.assembled(point.evaluations, point.vector)
+    damping, small, near = _STEPPER.damping, 0, posterior.assembled(point.evaluations, point.vector)
     for _ in range(steps):
         if not np.all(np.isfinite(np.asarray(near.hessian))):
             return point, near, Ending.NOT_FINITE
@@ -131,31 +121,28 @@ def _steps(
         cost, new = float(near.cost), float(near_there.cost)
         # Half a nat of the cost is one of the misfit.
         next_to_nothing = _next_to_nothing(0.5 * (cost - least) / samples, tolerance)
-        if np.isfinite(new) and new < cost:
+        accepted, damping = _STEPPER.judged(damping, new - cost)
+        if accepted:
             gained = 0.5 * (cost - new) / samples
             point, near = there, near_there
-            damping = max(damping / 5.0, _LEAST)
             small = small + 1 if gained < next_to_nothing else 0
             if small >= 2:
                 return point, near, Ending.AT_REST
-        else:
-            damping *= 8.0
-            if damping > _MOST:
-                rests = 0.5 * _promised(near) / samples < next_to_nothing
-                return point, near, Ending.AT_REST if rests else Ending.NO_STEP
+        elif damping > _STEPPER.most:
+            rests = 0.5 * _promised(near) / samples < next_to_nothing
+            return point, near, Ending.AT_REST if rests else Ending.NO_STEP
     return point, near, Ending.STEPS
 
 
-def _step(posterior: Posterior, vector: np.ndarray, near: Quadratic, damping: float) -> np.ndarray:
+def _step(
+    posterior: Posterior, vector: Float[np.ndarray, " q"], near: Quadratic, damping: float
+) -> Float[np.ndarray, " q"]:
     """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
-    hessian, gradient = np.asarray(near.hessian), np.asarray(near.gradient)
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12))
-    matrix = hessian / np.outer(scale, scale) + damping * np.eye(scale.size)
-    step = -np.linalg.lstsq(matrix, gradient / scale, rcond=1e-12)[0] / scale
-    longest = np.full(scale.size, _LONGEST)
+    # A strength, whose unit is only where it begins to show, may at least double.
+    longest = np.full(vector.size, _STEPPER.longest)
     strengths = [i for i, free in enumerate(posterior.layout) if free.parameter.transform == "linear"]
-    longest[strengths] = np.maximum(_LONGEST, np.abs(vector[strengths]))
-    return np.clip(step, -longest, longest)
+    longest[strengths] = np.maximum(_STEPPER.longest, np.abs(vector[strengths]))
+    return _STEPPER.step(np.asarray(near.hessian), np.asarray(near.gradient), damping, longest)
 
 
 def _cost_at_scale(posterior: Posterior) -> tuple[float, float]:

@@ -42,7 +42,8 @@ class State(eqx.Module):
 
     **Attributes:** `posterior` (with the evidence as last weighed), `vector`, shape `(q,)`; `noise` of the recordings
     of position (None without any, or before the first round); `unit` of the solver, shape `(q,)` (None before the
-    first round); `cost`: minus the log-posterior, noise included, where the last round's steps ended.
+    first round); `cost`: minus the log-posterior, noise included, where the
+    last round's steps ended; `ending`: why they did (`Ending.number`).
     """
 
     posterior: Posterior
@@ -50,6 +51,7 @@ class State(eqx.Module):
     noise: Noise | None
     unit: Float[Array, " q"] | None
     cost: Float[Array, ""]
+    ending: Int[Array, ""]
 
 
 class Progress(eqx.Module):
@@ -101,7 +103,7 @@ def weighed(
                 drive, z0, batch, jnp.asarray(ratios), jnp.asarray(known), substeps
             )
     own = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
-    return State(own, vector, noise, state.unit, state.cost)
+    return State(own, vector, noise, state.unit, state.cost, state.ending)
 
 
 def with_unit(state: State) -> State:
@@ -109,7 +111,7 @@ def with_unit(state: State) -> State:
     if state.unit is not None:
         return state
     unit = NEAR_UNITS * equal_curvature(state.posterior, state.vector)
-    return State(state.posterior, state.vector, state.noise, unit, state.cost)
+    return State(state.posterior, state.vector, state.noise, unit, state.cost, state.ending)
 
 
 def one_round(
@@ -126,7 +128,8 @@ def one_round(
     end = levenberg_marquardt(posterior, there.vector, there.unit, _STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     cost = end.cost + posterior.log_deviation
-    return State(posterior.reaching(vector), vector, there.noise, NEAR_UNITS * end.unit, cost)
+    own = posterior.reaching(vector)
+    return State(own, vector, there.noise, NEAR_UNITS * end.unit, cost, end.ending)
 
 
 def judged(
@@ -145,7 +148,7 @@ def judged(
         at_rest = at_rest & jnp.all(change < _SAME_NOISE)
     converged = ~failed & ((jnp.abs(last - cost) < SAME_COST) | at_rest)
     # Other weights may cost a round what the next ones win back.
-    worse = progress.worse + (~failed & (cost > last))
+    worse = progress.worse + jnp.where(~failed & (cost > last), 1, 0)
     rounds = progress.rounds + 1
     now = Progress(
         rounds=rounds,
