@@ -49,6 +49,12 @@ def test_the_rule_of_today_says_what_the_lines_do(lines):
     assert found.counts["nothing missing"] == {"adequate": 1}
 
 
+def test_a_machine_counts_once_by_the_line_that_has_tables(lines):
+    bare = {key: value for key, value in lines[0].items() if key != "comparisons"}
+    assert replay.once([bare, *lines, bare]) == lines
+    assert replay.once([bare, bare]) == [bare]
+
+
 def test_another_rule_says_something_else(lines):
     found = replay.score(lines, replay.rule_of({"limits": {"one": 0.05}}))
     assert found.counts["left out"] == {"unknown": 1}
