@@ -34,7 +34,7 @@ from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_no
 from frictionjax.diagnosis.intake.starting_point import Beginning, begin
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.parameters import physical
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
@@ -71,7 +71,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
     simulated = make_case(seed, missing=(), strength="strong")
     begun, truth = begin(case_of(simulated)), simulated.truth["base"]
-    model = _fitted(*make_joint(_true_drive(begun, truth), begun.batch, begun.held_out))
+    model = _fitted(*robust_posterior(_true_drive(begun, truth), begun.batch, begun.held_out))
     slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
@@ -93,7 +93,7 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     true, begun = convert(drawn[theirs]), begin(case_of(simulated))
     drive = _true_drive(begun, simulated.truth["base"])
     form = next(f for f in catalogue()[effect] if ours in [p.name for p in f.strengths + f.nuisances])
-    joint, vector = make_joint(drive, begun.batch, begun.held_out)
+    joint, vector = robust_posterior(drive, begun.batch, begun.held_out)
     joint, vector = extend(joint, vector, form(), plant_scales(drive, begun.batch), drive)
     place = next(i for i, free in enumerate(joint.layout) if free.label == ours)
     free = joint.layout[place]

@@ -22,7 +22,7 @@ from frictionjax.diagnosis.evidence.views import View, held_out_error, recording
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import Ending, Fitted
 from frictionjax.estimation.objective.misfit import losses_of
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import pack
 from frictionjax.recordings import Recording
 
@@ -179,7 +179,7 @@ def small():
     case = small_case()
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, _ = make_joint(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
+    joint, _ = robust_posterior(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
     return recordings, joint.at_bandwidth(SLOW_BANDWIDTH)
 
 
