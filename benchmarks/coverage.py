@@ -34,7 +34,7 @@ from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_no
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.parameters import physical
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, sandwich
@@ -73,7 +73,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
     simulated = make_case(seed, missing=(), strength="strong")
     starting, truth = starting_point(case_of(simulated)), simulated.truth["base"]
-    model = _fitted(*make_joint(_true_drive(starting, truth), starting.batch, starting.held_out))
+    model = _fitted(*robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out))
     slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
@@ -95,7 +95,7 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     true, starting = convert(drawn[theirs]), starting_point(case_of(simulated))
     drive = _true_drive(starting, simulated.truth["base"])
     form = next(f for f in catalogue()[effect] if ours in [p.name for p in f.strengths + f.nuisances])
-    joint, vector = make_joint(drive, starting.batch, starting.held_out)
+    joint, vector = robust_posterior(drive, starting.batch, starting.held_out)
     joint, vector = extend(joint, vector, form(), plant_scales(drive, starting.batch), drive)
     place = next(i for i, free in enumerate(joint.layout) if free.label == ours)
     free = joint.layout[place]

@@ -8,10 +8,10 @@ import os
 import platform
 import subprocess
 import warnings
+from importlib.metadata import version
 from pathlib import Path
 
 import jax
-import jaxlib
 from platformdirs import user_cache_path
 
 from frictionjax.core.errors import FrictionjaxWarning
@@ -115,7 +115,7 @@ def _one_machine() -> str:
     it on another: several machines may share one home.
     """
     digest = hashlib.sha256(_processor().encode()).hexdigest()[:12]
-    return f"{platform.machine()}-{digest}-jaxlib-{jaxlib.__version__}"
+    return f"{platform.machine()}-{digest}-jaxlib-{version('jaxlib')}"
 
 
 def _is_ours(folder: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Which parameters are free, fixed or tied, within which bounds, and what is known of them beforehand."""
+"""Which parameters are free, fixed or tied, within which bounds, and their priors."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ class Tie(eqx.Module):
 
 
 class Belief(eqx.Module):
-    """What is known of a parameter before the fit: `mean` and standard deviation `std`, in its unit.
+    """A Gaussian prior of one parameter: `mean` and standard deviation `std`, in its unit.
 
     **Attributes:** `label`, `path` (place in the `Drive`), `mean`, `std`.
     """
@@ -48,8 +48,8 @@ class Belief(eqx.Module):
 
 
 class Held(eqx.Module):
-    """One of several parameters held at `mean` within `std`, in its unit. Which one is a number: another one compiles
-    nothing anew.
+    """A narrow prior that holds one of several parameters at `mean` within `std`, in its unit. Which one is an array:
+    choosing another compiles nothing anew.
 
     **Attributes:** `paths` (places in the `Drive`), `chosen` (1 for the one, 0 for the others, shape `(p,)`), `mean`,
     `std`.
@@ -66,7 +66,7 @@ class Held(eqx.Module):
 
 
 class Constraints(eqx.Module):
-    """The choices of a fit, resolved and checked.
+    """The free parameters, ties and priors of a fit, checked against each other.
 
     **Attributes:** `layout` (free parameters), `ties`, `beliefs`.
     """
@@ -83,7 +83,7 @@ class Constraints(eqx.Module):
         return drive
 
 
-_ONE = "Take it out of one of the two."
+_CHOOSE_ONE = "Take it out of one of the two."
 
 
 def _fail(argument: str, problem: str, cure: str) -> NoReturn:
@@ -102,7 +102,7 @@ def resolve(
     priors: Mapping[str, tuple[float, float]],
     imposed: bool = False,
 ) -> Constraints:
-    """The choices of a fit of `drive` to samples of `dt` s, checked against each other; `imposed` as in
+    """The constraints of a fit of `drive` to samples of `dt` s, checked against each other; `imposed` as in
     `parameters.Free`, other arguments as in `fit`.
 
     **Raises:**
@@ -135,14 +135,16 @@ def resolve(
         if names:
             which = ", ".join(sorted(names))
             _fail(
-                "ties" if second == "tied" else "fixed", f"{which} would be both {first} and {second}", _ONE
+                "ties" if second == "tied" else "fixed",
+                f"{which} would be both {first} and {second}",
+                _CHOOSE_ONE,
             )
     if not chosen:
         _fail("free", "nothing is left to be found: every parameter is fixed or tied", "Free at least one.")
     if "motor_constant" in chosen and "J" in chosen and not {"J", "motor_constant"} & set(priors):
         _fail(
             "free",
-            "J and motor_constant are held only as a ratio: all forces may be larger by one factor",
+            "J and motor_constant can be identified only as a ratio: a common factor of all forces changes nothing",
             "Fix one of them, or give one of them a prior.",
         )
     bounds = dict(bounds)
@@ -186,7 +188,7 @@ def _ties(ties: Mapping[str, tuple[str, float]], known: Mapping[str, Free]) -> t
         if ((name, source) == ("Fs", "Fc") and factor <= 1.0) or (
             (name, source) == ("Fc", "Fs") and factor >= 1.0
         ):
-            cure = "Fs must exceed Fc: use a factor above 1."
+            cure = f"Fs must exceed Fc: use a factor {'above' if name == 'Fs' else 'below'} 1."
             _fail("ties", f"{name} = {factor:g} {source} contradicts Fs > Fc", cure)
         unit = known[name].parameter.unit
         found.append(Tie(known[name].path, known[source].path, name, source, unit, factor))
@@ -207,7 +209,7 @@ def _beliefs(priors: Mapping[str, tuple[float, float]], known: Mapping[str, Free
 
 
 def belief_residuals(beliefs: tuple[Belief | Held, ...], drive: Drive) -> Float[Array, " k"]:
-    """(value - mean) / std of each of `beliefs` at `drive`, shape `(k,)`."""
+    """Residuals of the priors `beliefs` at `drive`, (value - mean) / std each, shape `(k,)`."""
     if not beliefs:
         return jnp.zeros(0)
     return jnp.stack([(one.value(drive) - one.mean) / one.std for one in beliefs])

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Key
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import Constraints, resolve
@@ -34,9 +34,10 @@ from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
 _SPREAD = 4.0  # factor by which random starts differ from the given one, at most
-_CLEAN = 0.02  # robust cost after settling: below it the model holds, and no other start is worth a look
-_WAYS = 3  # starts that are followed to the bottom, at most
-_LOST = "Where all motion is imposed inertia does not act: J is kept at its start."
+# Robust cost after the first descent: below it the model fits, and no other start is tried.
+_MODEL_FITS = 0.02
+_MOST_MINIMA = 3  # starts that are followed to a minimum, at most
+_NO_INERTIA = "All motion is imposed, so inertia cannot be identified: J stays at its starting value."
 
 
 def fit(
@@ -56,16 +57,16 @@ def fit(
     substeps: int = 2,
     scales: Mapping[str, float] | None = None,
     units: Mapping[str, str] | None = None,
-    key: Array | None = None,
+    key: Key[Array, ""] | None = None,
     progress: Progress = silent,
 ) -> FitResult:
     """Fit inertia, LuGre parameters and the effects of `drive` to all `data` jointly, by maximum likelihood.
 
     Positions are compared through a Kalman filter (`simulation/kalman.py`) whose noise, of the sensor and of a small
-    unmeasured force, is found for each recording with the parameters. So sliding drift is not fought with wrong
-    parameters; a closed loop, whose input carries the sensor's noise, leaves no bias (the prediction errors are
-    independent of the past, Ljung, System Identification, 1999, sec. 13.4); and the errors are white, so that the
-    standard errors hold. Every start first goes down a robust cost on a forgiving observer (`settle`).
+    unmeasured force, is estimated for each recording with the parameters. So drift in sliding does not bias the
+    parameters; neither does a closed loop, whose input carries the sensor's noise (the innovations are independent of
+    the past, Ljung, System Identification, 1999, sec. 13.4); and the innovations are white, so that the standard errors
+    are right. From every start a robust cost with a fixed-gain observer is brought down first (`settle`).
 
     **Arguments:**
 
@@ -77,7 +78,7 @@ def fit(
     - `priors`: label -> (mean, standard deviation), in the parameter's unit: one more residual each.
     - `loss`: an `AbstractLoss`; None: `Gaussian`, least squares. `Cauchy` and `Huber` weigh down blocks of 0.05 s.
     - `starts`: so many random starts more, up to a factor 4 away in each positive parameter, side by side.
-    - `own_starts`: also start from what `starting_values` reads off the recordings, if that looks better.
+    - `own_starts`: also start from the `starting_values` of the recordings, if their robust cost is lower.
     - `known_inertia`: keep J, as `fixed=("J",)`.
     - `encoder_step`: quantum of the position sensor; None: the smallest step in the data.
     - `substeps`: integration steps per sample.
@@ -92,7 +93,7 @@ def fit(
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `InputError` for data or choices that cannot be meant (see
+    `PrecisionError` unless JAX computes in float64; `InputError` for data or choices that contradict each other (see
     `sort_data`, `constraints.resolve`); `ValueError` when a positive parameter starts at zero or below, or no start
     gives finite predictions.
     """
@@ -105,9 +106,11 @@ def fit(
     pieces = sort_data(data)
     imposed = bool(pieces.forces) and not pieces.positions and not pieces.responses
     notes = pieces.notes
-    if "J" not in fixed and (known_inertia or (imposed and _inertia_is_lost(ties or {}, priors or {}))):
+    if "J" not in fixed and (
+        known_inertia or (imposed and _inertia_is_unidentifiable(ties or {}, priors or {}))
+    ):
         fixed = (*fixed, "J")
-        notes += () if known_inertia else (_LOST,)
+        notes += () if known_inertia else (_NO_INERTIA,)
     batch = _batch_of(pieces.positions, encoder_step)
     template, dt = given[0], _shortest(pieces)
     sizes = scales if scales is not None else _sizes(template, batch, pieces)
@@ -126,9 +129,9 @@ def fit(
     vectors = [_vector(posterior, one) for one in given]
     if own_starts and (pieces.positions or pieces.forces):
         progress("starting values", 0.0)
-        own, seen = _own(template, pieces, constraints)
+        own, undetermined = _own(template, pieces, constraints)
         vectors += [_vector(posterior, one) for one in own]
-        notes += seen
+        notes += undetermined
     known = np.array([one.noise is not None for one in pieces.positions], dtype=bool)
     refined = _best(posterior, vectors, len(given), starts, key, substeps, known, progress)
     progress("standard errors", 0.95)
@@ -177,7 +180,9 @@ def _sizes(drive: Drive, batch: Batch | None, pieces: Sorted) -> Mapping[str, fl
     return {}
 
 
-def _posterior(drive, constraints: Constraints, batch, pieces: Sorted, loss) -> Posterior:
+def _posterior(
+    drive: Drive, constraints: Constraints, batch: Batch | None, pieces: Sorted, loss: AbstractLoss
+) -> Posterior:
     evidence: list[AbstractEvidence] = []
     weights = []
     if batch is not None:
@@ -213,8 +218,8 @@ def _vector(posterior: Posterior, drive: Drive) -> Float[Array, " q"]:
 
 
 def _own(template: Drive, pieces: Sorted, constraints: Constraints) -> tuple[list[Drive], tuple[str, ...]]:
-    """Starts read off the recordings, with the effects, the motor constant and what is not free of `template`; and
-    what imposed motions were not seen to show, in sentences."""
+    """Starts from the recordings, with the effects, the motor constant and all that is not free of `template`; and
+    what imposed motions do not determine, in sentences."""
     free = [one.label for one in constraints.layout]
     motor_constant = float(template.motor_constant)
     if pieces.positions:
@@ -237,17 +242,24 @@ def _own(template: Drive, pieces: Sorted, constraints: Constraints) -> tuple[lis
     return own, () if pieces.positions else found.notes
 
 
-def _inertia_is_lost(
+def _inertia_is_unidentifiable(
     ties: Mapping[str, tuple[str, float]], priors: Mapping[str, tuple[float, float]]
 ) -> bool:
-    """Whether nothing but its start tells J where all motion is imposed."""
+    """Whether J, where all motion is imposed, rests on its starting value alone."""
     return "J" not in priors and "J" not in ties and all(source != "J" for source, _ in ties.values())
 
 
 def _best(
-    posterior, vectors: list, given: int, starts: int, key, substeps: int, known, progress: Progress
+    posterior: Posterior,
+    vectors: list[Float[Array, " q"]],
+    given: int,
+    starts: int,
+    key: Key[Array, ""] | None,
+    substeps: int,
+    known: Bool[np.ndarray, " r"],
+    progress: Progress,
 ) -> Refined:
-    """The best end of the ways down: of the most promising start, and of the next where that end looks wrong."""
+    """The best minimum: from the most promising start, and from the next ones where that one looks wrong."""
     stacked = jnp.stack(vectors)
     costs = np.concatenate([robust_costs(_about(posterior, vector), vector[None]) for vector in vectors])
     if not np.any(np.isfinite(costs)):
@@ -259,36 +271,38 @@ def _best(
     progress("settling", 0.05)
     if starts:
         moved = _random(posterior, vectors[order[0]], starts, jax.random.key(0) if key is None else key)
-        reached, ends = settle(
+        reached, finals = settle(
             _about(posterior, vectors[order[0]]), jnp.concatenate([stacked[np.array(order)], moved])
         )
-        ways = [reached[i][None] for i in np.argsort(ends) if np.isfinite(ends[i])]
+        chosen = [reached[i][None] for i in np.argsort(finals) if np.isfinite(finals[i])]
     else:
         # The best of the user's own starts is followed in any case.
         best = min((place for place in order if place < given), key=lambda place: costs[place], default=None)
-        if best is not None and best not in order[:_WAYS]:
-            order.insert(_WAYS - 1, best)
-        ways = [vectors[place][None] for place in order]
+        if best is not None and best not in order[:_MOST_MINIMA]:
+            order.insert(_MOST_MINIMA - 1, best)
+        chosen = [vectors[place][None] for place in order]
     found: list[Refined] = []
-    for number, way in enumerate(ways[:_WAYS]):
+    for number, first in enumerate(chosen[:_MOST_MINIMA]):
         # Each range is about its own start: what is read off recordings may be far from what the user guessed.
-        near = _about(posterior, way[0])
-        end, cost = (way, np.zeros(1)) if starts else settle(near, way)
-        progress("refining", 0.4 + 0.5 * number / _WAYS)
-        # The range is about the settled vector from now on: a bad start may have been further off than a good one is.
+        near = _about(posterior, first[0])
+        end, cost = (first, np.zeros(1)) if starts else settle(near, first)
+        progress("refining", 0.4 + 0.5 * number / _MOST_MINIMA)
+        # The range is about this vector from now on: a bad start may have been further off than the range is wide.
         settled = near.within(end[0])
         found.append(refine(OneFit(known, substeps), at_start(_about(posterior, settled), settled)))
-        if cost[0] < _CLEAN and not found[-1].apart:
+        if cost[0] < _MODEL_FITS and not found[-1].inconsistent:
             break
     return min(found, key=lambda one: one.cost)
 
 
-def _about(posterior: Posterior, vector) -> Posterior:
+def _about(posterior: Posterior, vector: Float[Array, " q"]) -> Posterior:
     """`posterior` with its ranges and its weak prior about `vector`."""
     return eqx.tree_at(lambda p: p.start, posterior, vector)
 
 
-def _random(posterior: Posterior, vector, starts: int, key: Array) -> Float[Array, "k q"]:
+def _random(
+    posterior: Posterior, vector: Float[Array, " q"], starts: int, key: Key[Array, ""]
+) -> Float[Array, "k q"]:
     count = posterior.parameters
     logs = np.array([one.parameter.transform == "log" for one in posterior.constraints.layout])
     away = np.log(_SPREAD) * jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0)
@@ -297,7 +311,7 @@ def _random(posterior: Posterior, vector, starts: int, key: Array) -> Float[Arra
 
 
 def _require_positive(drive: Drive) -> None:
-    """Raise the `ValueError` for a `drive` that does not start positive: zero would leave the fit where it began."""
+    """Raise the `ValueError` for a `drive` that does not start positive: at zero a logarithm has no slope."""
     values = {"J": drive.J} | {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
     bad = [f"{name} = {float(value):g}" for name, value in values.items() if not float(value) > 0.0]
     if bad:

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.core import InputError, Progress, require_x64, silent
 from frictionjax.estimation.constraints import resolve
@@ -21,14 +21,14 @@ from frictionjax.estimation.evidence import Observed, observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
-from frictionjax.estimation.parameters import pack, weak_prior
+from frictionjax.estimation.parameters import Free, pack, weak_prior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.driven import starting_values
 from frictionjax.estimation.uncertainty import inverse_of, raised
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
-_FAR = 6.0  # robust standard deviations of all sets
+_OUTLYING = 6.0  # robust standard deviations of all sets
 # One data set at a time fills the vector units of a core with its tangents; four at once were a fifth slower each, as
 # they no longer fit its nearest cache (three-regime experiment).
 _LANES = 1
@@ -42,8 +42,9 @@ class Replicas(eqx.Module):
     - `names`: labels of the p free parameters.
     - `values`, `stderr`: in physical units, shape `(d, p)`; `stderr` as in `FitResult.covariance`.
     - `stderr_white`: by the inverse information alone, shape `(d, p)`.
-    - `position`, `push`: noise of each recording, shape `(d, r)`.
-    - `cost`: minus the log-posterior, but for a constant, shape `(d,)`; NaN where a fit was lost.
+    - `position`, `push`: noise of the measured position and unmeasured force (as in `RecordingNoise`) of each
+        recording, shape `(d, r)`.
+    - `cost`: minus the log-posterior, but for a constant, shape `(d,)`; NaN where a fit is not finite.
     - `moved`: how far the last round still moved the vector, at most, in standard deviations of a parameter were all
         others known, shape `(d,)`.
     - `converged`: whether neither noise nor parameters change any more, shape `(d,)`.
@@ -82,17 +83,17 @@ def fit_many(
     """Fit `drive` to each of `sets`: the estimator of `fit`, many at once, on every core.
 
     All sets have the same number of recordings, with the same lengths and sample rates: they share one compiled
-    program. `Replicas.converged` says whether the rounds were enough.
+    program. `Replicas.converged`: which fits have converged.
 
     **Arguments:**
 
     - `drive`: start for all, or one for each set.
     - `sets`: data sets, each a sequence of force-driven recordings.
     - `free`, `fixed`, `ties`, `priors`, `encoder_step`, `substeps`: as in `fit`.
-    - `settle`: go down a robust cost first; False for starts that are near, as in a bootstrap.
-    - `own_starts`: what `starting_values` reads off the first set is a second start for all, taken where it looks
-        better; and sets whose end is unlike that of the others are tried from each start, and from where the others
-        ended. The likelihood decides.
+    - `settle`: bring down a robust cost first; False for starts that are near, as in a bootstrap.
+    - `own_starts`: the `starting_values` of the first set are a second start for all, taken where their robust cost is
+        lower; and sets whose result is unlike that of the others are fitted again from each start, and from the median
+        of the others. The likelihood decides.
     - `progress`: called as fits are done.
 
     **Returns:**
@@ -155,8 +156,8 @@ def fit_many(
 
     found = run(whole)
     if settle and own_starts:
-        # A start that looked better may lead into a wrong valley: such sets are tried from each of the two, and from
-        # where the others ended.
+        # The start of lower cost may lead to a wrong minimum: such sets are fitted again from each of the two, and from
+        # the median of the others.
         for retry in ("vector", "other", None):
             places = _doubtful(found)
             if not places.size:
@@ -165,10 +166,10 @@ def fit_many(
             if retry:
                 start = getattr(one, retry)
             else:
-                ended = found.vector[np.all(np.isfinite(found.vector), axis=1)]
-                if not ended.size:
+                finite = found.vector[np.all(np.isfinite(found.vector), axis=1)]
+                if not finite.size:
                     break
-                start = np.tile(np.median(ended, axis=0), (places.size, 1))
+                start = np.tile(np.median(finite, axis=0), (places.size, 1))
             again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
             _keep_better(found, again, places)
     return _replicas(found, posterior)
@@ -213,25 +214,30 @@ def _outside(values: Float[np.ndarray, " d"]) -> Bool[np.ndarray, " d"]:
         return ~finite
     middle = np.median(values[finite])
     spread = 1.4826 * np.median(np.abs(values[finite] - middle))
-    return ~(np.abs(values - middle) <= _FAR * spread + 1e-12 * np.abs(middle))
+    return ~(np.abs(values - middle) <= _OUTLYING * spread + 1e-12 * np.abs(middle))
 
 
 def _doubtful(found: Found) -> Int[np.ndarray, " k"]:
     """Places of the sets whose fit may be at a wrong minimum: its cost, or a parameter, is far from those of the
-    others, or it has not converged. To be tried again costs a set nothing but time."""
+    others, or it has not converged. Fitting a set again can only lower its cost."""
     unlike = [_outside(found.cost), *(_outside(column) for column in found.values.T), ~found.converged]
     return np.flatnonzero(np.any(unlike, axis=0))
 
 
 def _keep_better(found: Found, again: Found, places: Int[np.ndarray, " k"]) -> None:
-    """Put fits made `again` into their `places` among those `found`, where they are likelier."""
+    """Put fits made `again` into their `places` among those `found`, where their cost is lower."""
     better = (again.cost < found.cost[places]) | ~np.isfinite(found.cost[places])
     for kept, new in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
         kept[places[better]] = new[better]
 
 
-def _others(vectors, layout, template: Drive, first: Sequence[Recording]) -> Float[np.ndarray, "d q"]:
-    """A second start for each set: read off the recordings of the `first`, or the same again."""
+def _others(
+    vectors: Sequence[Float[Array, " q"]],
+    layout: tuple[Free, ...],
+    template: Drive,
+    first: Sequence[Recording],
+) -> Float[np.ndarray, "d q"]:
+    """A second start for each set: the starting values of the `first` one, or the same again."""
     others = np.stack([np.asarray(vector) for vector in vectors])
     if first:
         own = starting_values(tuple(first), motor_constant=float(template.motor_constant)).drives[-1]
@@ -256,17 +262,17 @@ def _replicas(found: Found, posterior: Posterior) -> Replicas:
     values, slopes, cost = found.values, found.slopes, found.cost
     count, layout = values.shape[0], posterior.constraints.layout
     white = np.full(values.shape, np.nan)
-    honest = np.full(values.shape, np.nan)
+    robust = np.full(values.shape, np.nan)
     for i in range(count):
         if np.all(np.isfinite(found.hessian[i])) and np.all(np.isfinite(found.covariance[i])):
             own = slopes[i] @ inverse_of(found.hessian[i]) @ slopes[i].T
             white[i] = np.sqrt(np.diag(own))
-            honest[i] = np.sqrt(np.diag(raised(own, slopes[i] @ found.covariance[i] @ slopes[i].T)))
+            robust[i] = np.sqrt(np.diag(raised(own, slopes[i] @ found.covariance[i] @ slopes[i].T)))
     usable: Bool[np.ndarray, " d"] = np.all(np.isfinite(values), axis=1)
     return Replicas(
         tuple(one.label for one in layout),
         values,
-        honest,
+        robust,
         white,
         np.asarray(found.noise.position),
         np.asarray(found.noise.push),

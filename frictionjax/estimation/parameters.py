@@ -1,10 +1,11 @@
 """Free parameters of a drive as one scaled vector, in which a step of 1 is a large but sensible step.
 
-Positive parameters are seen as logarithms, Fs as log(Fs/Fc - 1), sigma0 as log(sigma0/J), sigma1 as the logarithm of
+Positive parameters are logarithms, Fs as log(Fs/Fc - 1), sigma0 as log(sigma0/J), sigma1 as the logarithm of
 the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
 """
 
 import math
+from collections.abc import Sequence
 from types import ModuleType
 
 import equinox as eqx
@@ -12,23 +13,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
-# Fs is between these parts above Fc: at Fs = Fc its logarithm, and the sensitivity to vs, would be lost for good;
-# far above, Fs and vs together make a needle that only chases single samples.
+# Fs is between these parts above Fc: at Fs = Fc its logarithm, and the sensitivity to vs, would vanish for good;
+# far above, Fs and vs together make a narrow peak that fits single samples.
 _LEAST_EXCESS, _MOST_EXCESS = 1e-3, 2.0
-# Damping ratio sigma1 / (2 sqrt(sigma0 J)) of the bristle: far above critical, sigma1 dz/dt becomes a blow at every
-# velocity reversal that no step of the length of a sample can follow.
+# Damping ratio sigma1 / (2 sqrt(sigma0 J)) of the bristle: far above critical, sigma1 dz/dt becomes an impulse at every
+# velocity reversal that no integration step of the length of a sample can follow.
 _LEAST_RATIO, _MOST_RATIO = 1e-3, 1.5
 # Natural frequency of the bristle, rad per integration step: the scheme does not follow faster ones.
 _FASTEST = 0.6
 # How far (factor) a positive parameter may go from its start. The starting values of inertia and Coulomb friction are
-# read off directly; those of stiffness and damping may be guesses. A period is found before; a wave much longer than
-# the stroke would be a spring.
+# reliable; those of stiffness and damping may be guesses. A period is searched beforehand; a wave much longer than the
+# stroke would be a spring.
 _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4
 # Standard deviations of the weak prior: of a logarithm, of a strength in its unit, of a starting deflection.
@@ -40,7 +41,7 @@ class Free(eqx.Module):
     """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `label` (the parameter's
     own name, with that of its effect before it where another parameter has the same), its `scale`, the `upper` bound
     of its value, and `least` and `most`, the user's own bounds. The last four are numbers of the case, and arrays: a
-    new case compiles nothing anew. `imposed`: all motion is imposed; the inertia, which no force then shows, bounds
+    new case compiles nothing anew. `imposed`: all motion is imposed; the inertia, which then acts on nothing, bounds
     nothing."""
 
     path: str = eqx.field(static=True)
@@ -52,7 +53,9 @@ class Free(eqx.Module):
     most: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
     imposed: bool = eqx.field(static=True, default=False)
 
-    def range(self, start: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    def range(
+        self, start: Float[Array | np.ndarray, ""] | float
+    ) -> tuple[Float[Array | np.ndarray, ""] | float, Float[Array | np.ndarray, ""] | float]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
         lower, upper = self.parameter.lower, self.upper
         xp = numpy_or_jax(start, upper)
@@ -159,7 +162,7 @@ def unpack(
     else:
         known_drive = drive
     values = []
-    # Fs is told by Fc, sigma0 by J, sigma1 by both; these come before them in every layout (or are known).
+    # Fs is relative to Fc, sigma0 to J, sigma1 to both; these come before them in every layout (or are known).
     friction = known_drive.friction
     known = {"J": known_drive.J, "friction.sigma0": friction.sigma0, "friction.Fc": friction.Fc}
     for index, free in enumerate(layout):
@@ -184,8 +187,12 @@ def unpack(
     return eqx.tree_at(lambda d: [part_of(d, free.path) for free in layout], drive, values)
 
 
-def changed(vector: Float[Array, " q"], where: int | slice | np.ndarray, values) -> Float[Array, " q"]:
-    """A copy of `vector` with these `values` where it says; by NumPy, for which no shape is compiled."""
+def changed(
+    vector: Float[Array, " q"],
+    where: int | np.integer | slice | Sequence | Shaped[np.ndarray, "..."],
+    values: float | Sequence | Float[Array | np.ndarray, "..."],
+) -> Float[Array, " q"]:
+    """A copy of `vector` with these `values` at `where`; by NumPy, for which no shape is compiled."""
     new = np.array(vector)
     new[where] = values
     return jnp.asarray(new)
@@ -193,15 +200,17 @@ def changed(vector: Float[Array, " q"], where: int | slice | np.ndarray, values)
 
 def physical(
     layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
     """Physical values, shape `(p,)`, and their Jacobian by the vector, shape `(p, p)`: for the delta method."""
     values, jacobian = _physical(layout, drive, vector, start)
     return np.asarray(values), np.asarray(jacobian)
 
 
 @eqx.filter_jit
-def _physical(layout, drive, vector, start):
-    def values(point):
+def _physical(
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
+) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+    def values(point: Float[Array, " p"]) -> Float[Array, " p"]:
         full = unpack(layout, drive, point, start)
         return jnp.stack([part_of(full, free.path) for free in layout])
 

@@ -1,4 +1,4 @@
-"""Beyond the standard error: profile likelihood, and the parametric bootstrap, many refits side by side."""
+"""Profile likelihood and parametric bootstrap: intervals beyond the standard error, by many refits side by side."""
 
 import equinox as eqx
 import jax
@@ -41,15 +41,15 @@ class Profile(eqx.Module):
         """Likelihood interval of `level`: where the deviance passes the quantile of chi-square with one degree of
         freedom, by interpolation; infinite where it does not on that side."""
         limit = float(chi2.ppf(level, 1))
-        ends = []
+        limits = []
         for side in (-1.0, 1.0):
             inside = (self.values - self.value) * side > 0.0
             order = np.argsort(np.abs(self.values[inside] - self.value))
             far = np.concatenate([[0.0], np.abs(self.values[inside] - self.value)[order]])
             height = np.maximum.accumulate(np.concatenate([[0.0], self.deviance[inside][order]]))
             reach = float(np.interp(np.sqrt(limit), np.sqrt(height), far)) if height[-1] > limit else np.inf
-            ends.append(self.value + side * reach)
-        return ends[0], ends[1]
+            limits.append(self.value + side * reach)
+        return limits[0], limits[1]
 
 
 class Bootstrap(eqx.Module):
@@ -97,10 +97,12 @@ def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Array, " q"]]
 
 
 @eqx.filter_jit
-def _held(posterior: Posterior, vector, means):
-    """Cost and vector with the last belief at each of `means`, all others refitted."""
+def _held(
+    posterior: Posterior, vector: Float[Array, " q"], means: Float[Array, " k"]
+) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Cost, and value of the held parameter, with the last prior at each of `means` and all others refitted."""
 
-    def one(mean):
+    def one(mean: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         there = eqx.tree_at(lambda p: p.constraints.beliefs[-1].mean, posterior, mean)
         end = levenberg_marquardt(
             there,
@@ -169,14 +171,16 @@ def profile_likelihood(
 
 
 @eqx.filter_jit
-def _redrawn(posterior: Posterior, vector, unit, keys):
+def _redrawn(
+    posterior: Posterior, vector: Float[Array, " q"], unit: Float[Array, " q"], keys: Key[Array, " d"]
+) -> Float[Array, "d p"]:
     drive = posterior.drive_of(vector)
 
-    def one(key):
+    def one(key: Key[Array, ""]) -> Float[Array, " p"]:
         drawn = []
         for index, evidence in enumerate(posterior.evidence):
             if not isinstance(evidence, AbstractMeasurement):
-                raise TypeError("Only data with a noise of their own can be drawn.")
+                raise TypeError("Only data with a noise model can be drawn.")
             own = jax.random.fold_in(key, index)
             drawn.append(evidence.replica(drive, posterior.deflections_of(vector, index), own))
         there = eqx.tree_at(lambda p: p.evidence, posterior, tuple(drawn))
@@ -215,7 +219,9 @@ def bootstrap(
     if draws < 2:
         raise InputError(f"`draws` is {draws}", place="`draws`", cure="Two are the least; 200 are usual.")
     if not all(isinstance(one, AbstractMeasurement) for one in posterior.evidence):
-        raise InputError("no data can be drawn from this fit", place="`result`", cure="Give one from `fit`.")
+        raise InputError(
+            "the data of this fit have no noise model", place="`result`", cure="Give one from `fit`."
+        )
     unit = NEAR_UNITS * equal_curvature(posterior, vector)
     keys = jax.random.split(key, draws)
     piece = min(piece, draws)

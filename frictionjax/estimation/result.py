@@ -1,4 +1,4 @@
-"""`FitResult`: what a fit found, how well it is known, and what the fit touches."""
+"""`FitResult`: estimates, their uncertainty and the noise of a fit."""
 
 from collections.abc import Mapping
 
@@ -22,14 +22,15 @@ _STOPPED = {Ending.AT_REST: _IMPROVING, Ending.STEPS: _IMPROVING}
 
 
 class RecordingNoise(eqx.Module):
-    """What stands between one recording and the model.
+    """The noise of one recording.
 
     **Attributes:**
 
     - `position`: standard deviation of the measured position, position units; of the measured force, force units, for
       `drive = "motion"`.
-    - `push`: standard deviation of the unmeasured force, held over each sample, force units.
-    - `power`: mean square of the standardised prediction errors: 1 where model and noise explain all.
+    - `push`: standard deviation of the unmeasured force (all that acts on the machine and is neither the input nor in
+        the model), constant over each sample, force units.
+    - `power`: mean square of the standardised innovations: 1 where model and noise explain all.
     """
 
     position: float = eqx.field(static=True)
@@ -50,7 +51,8 @@ class FitResult(eqx.Module):
     - `covariance_white`: inverse information alone, right when the errors are white, shape `(p, p)`.
     - `noise`: name of the recording -> `RecordingNoise`.
     - `cost`: minus the log-posterior, noise included, but for a constant: for comparing fits of the same data.
-    - `success`, `message`: whether the fit converged; why it stopped, what it touches, and what no data hold.
+    - `success`, `message`: whether the fit converged; why it stopped, which parameters are at an end of their range,
+        and which cannot be identified from these data.
     - `at_bounds`: labels of parameters at an end of their range.
     - `posterior`, `vector`: for those who go on from here; None in a result that was read from a file.
     """
@@ -75,8 +77,12 @@ class FitResult(eqx.Module):
 
 
 @eqx.filter_jit
-def _values(posterior: Posterior, vector):
-    def values(point):
+def _values(
+    posterior: Posterior, vector: Float[Array, " q"]
+) -> tuple[Float[Array, " k"], Float[Array, "k q"]]:
+    """Values of the free and of the tied parameters, and their slopes by the vector."""
+
+    def values(point: Float[Array, " q"]) -> Float[Array, " k"]:
         drive = posterior.drive_of(point)
         free = [part_of(drive, one.path) for one in posterior.constraints.layout]
         return jnp.stack(free + [part_of(drive, tie.path) for tie in posterior.constraints.ties])
@@ -97,65 +103,74 @@ def make_result(
     hessian = np.asarray(near.hessian)
     finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in near.clusters))
     values, slope = (np.asarray(a) for a in _values(posterior, vector))
-    ends = set(at_a_bound(layout, vector[:count], posterior.start[:count], margin=2.0 * INSIDE))
-    ends |= {
+    at_end = set(at_a_bound(layout, vector[:count], posterior.start[:count], margin=2.0 * INSIDE))
+    at_end |= {
         one.label
         for one, value in zip(layout, values, strict=False)
         if value <= float(one.least) + 1e-9 * abs(float(one.least))
         or value >= float(one.most) - 1e-9 * abs(float(one.most))
     }
     size = count + len(ties)
-    white = honest = np.full((size, size), np.inf)
-    silent = np.zeros(count, bool)
+    white = robust = np.full((size, size), np.inf)
+    by_prior = np.zeros(count, bool)
     if finite:
         white = slope @ inverse_of(hessian) @ slope.T
-        honest = raised(white, slope @ covariance_of(posterior, evaluations, near) @ slope.T)
-        # What rests on the weak prior is not known from the data, however little the errors scatter.
+        robust = raised(white, slope @ covariance_of(posterior, evaluations, near) @ slope.T)
+        # What rests on the weak prior is not identified by the data, however little the gradients scatter.
         # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
         wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)
-        silent = np.diag(white)[:count] > 0.25 * wide[:count]
-    spread = np.sqrt(np.maximum(np.diag(honest), 0.0)) if finite else np.full(size, np.inf)
-    spread[:count][silent | np.array([one.label in ends for one in layout], dtype=bool)] = np.inf
+        by_prior = np.diag(white)[:count] > 0.25 * wide[:count]
+    spread = np.sqrt(np.maximum(np.diag(robust), 0.0)) if finite else np.full(size, np.inf)
+    spread[:count][by_prior | np.array([one.label in at_end for one in layout], dtype=bool)] = np.inf
     parameters = {}
     for one, value, stderr in zip(layout, values, spread, strict=False):
         parameters[one.label] = estimate_of(one, value, stderr, units)
     for tie, value, stderr in zip(ties, values[count:], spread[count:], strict=True):
         source = parameters.get(tie.source)
-        lost = source is not None and not np.isfinite(source.stderr)
+        unknown = source is not None and not np.isfinite(source.stderr)
         unit = tie.unit
         for name, text in units.items():
             unit = unit.replace("{" + name + "}", text)
         known = source is None or source.identified
-        parameters[tie.label] = Estimate(float(value), float("inf") if lost else float(stderr), unit, known)
-    lost = [one.label for one in layout if not parameters[one.label].identified and one.label not in ends]
+        parameters[tie.label] = Estimate(
+            float(value), float("inf") if unknown else float(stderr), unit, known
+        )
+    unidentified = [
+        one.label for one in layout if not parameters[one.label].identified and one.label not in at_end
+    ]
     sentences = [
         "The fit converged: neither noise nor parameters move any more."
         if refined.converged
         else _STOPPED.get(refined.ending, refined.ending.value)
     ]
-    if ends:
-        sentences.append(f"At the end of its range: {', '.join(sorted(ends))}.")
-    if lost:
-        sentences.append(f"Not held by these data: {', '.join(lost)}; `identifiability` says which would.")
+    if at_end:
+        sentences.append(f"At the end of its range: {', '.join(sorted(at_end))}.")
+    if unidentified:
+        sentences.append(
+            f"Not identifiable from these data: {', '.join(unidentified)}. "
+            "`identifiability(result)` lists experiments that would determine them."
+        )
     if not finite:
-        sentences.append("The derivatives overflow at the solution: no standard errors can be given.")
+        sentences.append("Derivatives overflow at the solution, so no standard errors can be computed.")
     return FitResult(
         drive=posterior.drive_of(vector),
         parameters=parameters,
         names=tuple(one.label for one in layout),
-        covariance=honest[:count, :count],
+        covariance=robust[:count, :count],
         covariance_white=white[:count, :count],
         noise=_noise_of(refined, near.powers, names),
         cost=refined.cost,
         success=refined.converged and finite,
         message=" ".join((*sentences, *extra)),
-        at_bounds=tuple(sorted(ends)),
+        at_bounds=tuple(sorted(at_end)),
         posterior=posterior,
         vector=vector,
     )
 
 
-def _noise_of(refined: Refined, powers, names: tuple[tuple[str, ...], ...]) -> dict[str, RecordingNoise]:
+def _noise_of(
+    refined: Refined, powers: tuple[Float[Array, "_ _"], ...], names: tuple[tuple[str, ...], ...]
+) -> dict[str, RecordingNoise]:
     found = {}
     for evidence, blocks, own in zip(refined.posterior.evidence, powers, names, strict=True):
         count = np.asarray(evidence.count).reshape(len(own), -1)

@@ -1,6 +1,7 @@
-"""The plant's own sizes, in which strengths of effects are measured and nuisances are tried."""
+"""Characteristic sizes of a plant: the units of the strengths of effects."""
 
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.evidence import Forces
@@ -36,7 +37,7 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
     low, high = min(x.min() for x in inside), max(x.max() for x in inside)
     Fc, stroke = float(friction.Fc), float(high - low)
     dt = np.asarray(batch.dt)
-    # The speed of a twentieth of a second: neither noise nor encoder steps count.
+    # Mean speeds over a twentieth of a second: neither noise nor encoder steps count.
     top = max(_speed(x, float(h)) for x, h in zip(inside, dt, strict=True))
     inputs = None if isinstance(batch, Forces) else batch.inputs
     noise = None if isinstance(batch, Forces) else batch.position_noise
@@ -59,7 +60,7 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
     }
 
 
-def _speed(x: np.ndarray, dt: float) -> float:
+def _speed(x: Float[np.ndarray, " n"], dt: float) -> float:
     """Largest mean speed over a twentieth of a second."""
     window = min(max(round(0.05 / dt), 1), x.size - 1)
     return max(float(np.max(np.abs(x[window:] - x[:-window]))) / (window * dt), _TINY)

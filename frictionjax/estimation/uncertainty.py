@@ -21,8 +21,8 @@ def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.nda
     """Gradients of clusters of 0.5 s, in order of the `recordings`, added up to clusters of 2 s; of 1 s or 0.5 s where
     fewer than `_FEWEST` would be left.
 
-    What a model leaves is correlated over more than half a second where it is seen through parameters that adapt to it:
-    with clusters of 0.5 s p-values come out too small (`python -m benchmarks.null_p_values`).
+    Model error is correlated over more than half a second after the parameters have adapted to it: with clusters of
+    0.5 s p-values come out too small (`python -m benchmarks.null_p_values`).
     """
     for together in _TOGETHER:
         sums = _summed(gradients, recordings, together)
@@ -59,12 +59,12 @@ def jackknife(
     """Covariance (c-1)/c sum_c d_c d_c' of the free vector, d_c = (H - H_c)^-1 g_c what it would change by without
     cluster c.
 
-    A break-away that a small force brings forward tells more than seconds of sliding, and the fit bends to it: what is
-    left there is small, and so is the sandwich, which takes every cluster for one of many. Of a cluster that tells
-    everything only `_MOST_OWN` is taken away: there is nobody to contradict it.
+    A single break-away may carry more information than seconds of sliding, and the fit follows it: the residuals there
+    are small, and so is the sandwich, which treats every cluster as one of many. Of each cluster only the part
+    `_MOST_OWN` is left out: without all of it a parameter that it alone determines would have no error at all.
     """
-    seen = np.any(gradients != 0.0, axis=1)
-    gradients, rest = gradients[seen], hessian - _MOST_OWN * curvatures[seen]
+    active = np.any(gradients != 0.0, axis=1)
+    gradients, rest = gradients[active], hessian - _MOST_OWN * curvatures[active]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     matrices = rest * np.outer(scale, scale)
     changes = scale * np.linalg.solve(matrices, (gradients * scale)[..., None])[..., 0]
@@ -85,7 +85,7 @@ def clustered_covariance(
     rows: Sequence[int],
 ) -> Float[np.ndarray, "q q"]:
     """Covariance of the free vector: the jackknife over clusters of 0.5 s, its variances raised where longer clusters
-    or white errors say more; infinite where a derivative is not finite.
+    or white errors give more; infinite where a derivative is not finite.
 
     Each of the three can only be short: clusters of 0.5 s where what the model leaves is correlated for longer; those
     of 2 s because they are few; both where a coordinate is determined by its weak prior, along which the data do not
@@ -168,12 +168,12 @@ def estimates(
 
 
 def estimate_of(free: Free, value: float, stderr: float, units: Mapping[str, str]) -> Estimate:
-    """The parameter `free` with its `value` and standard error `stderr`, in terms of the names in `units`.
+    """The parameter `free` with its `value` and standard error `stderr`; `units` names force, position and input.
 
-    One whose standard error exceeds half its value (or which leans on the weak prior) is not identified.
+    One whose standard error exceeds half its value (or that the weak prior determines) is not identified.
     """
     positive = free.parameter.transform == "log"
-    # A parameter at the end of its range has no slope left: a standard error of zero is no knowledge.
+    # A parameter at the end of its range has no slope left: a standard error of zero has no meaning.
     identified = bool(0.0 < stderr < np.inf) and (not positive or bool(stderr < 0.5 * abs(value)))
     unit = free.parameter.unit
     for name, text in units.items():

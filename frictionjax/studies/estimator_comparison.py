@@ -76,7 +76,7 @@ class EstimatorComparison(eqx.Module):
     @property
     def std(self) -> Float[np.ndarray, "e k p"]:
         """Standard deviation of the estimates, shape `(4, k, 7)`, in the units of the parameters."""
-        return self._over(lambda part, axis: np.nanstd(part, axis=axis, ddof=1), self._errors)
+        return self._over(lambda part, axis: np.asarray(np.nanstd(part, axis=axis, ddof=1)), self._errors)
 
     @property
     def coverage(self) -> Float[np.ndarray, "e k p"]:

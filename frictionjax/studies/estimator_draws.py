@@ -26,7 +26,7 @@ START_SPREAD = 0.1  # starts lie this far from the truth, as a logarithm, at mos
 BREAKAWAY_STEPS, JOINT_STEPS = 5, 4
 
 
-Lanes = Mapping[str, Float[Array | np.ndarray, "lanes ..."]]
+Lanes = Mapping[str, Float[Array, "lanes ..."]]
 """What `draw` makes, by name: one row for each draw."""
 
 

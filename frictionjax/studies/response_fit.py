@@ -70,7 +70,7 @@ def fit_response(frf: FRF, band: Band) -> tuple[ResponseFit, ResponseFit]:
     unit = jnp.where(jnp.abs(a[:3]) > 1e-9, a[:3], 1e-9)
 
     def newton(part: Float[Array, " 3"], _: None) -> tuple[Float[Array, " 3"], None]:
-        _, normal, gradient = _evaluate(part, lines)
+        normal, gradient = _evaluate(part, lines)[1:]
         return part + unit * step(normal * unit[:, None] * unit[None, :], gradient * unit), None
 
     part, _ = jax.lax.scan(newton, a[:3], None, length=ML_STEPS)

@@ -22,7 +22,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch, noise_level
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.recordings import Recording
 from frictionjax.simulation import innovation_gain, observer_gains
 
@@ -55,7 +55,9 @@ def _true_model(force):
         _shaken("ramps", break_away(), seed=2, force=force),
         _shaken("sliding", _to_and_fro(), seed=3, force=force),
     )
-    joint, vector = make_joint(PLANT, make_batch(recordings, encoder_step=QUIET * FINE), np.zeros(3, bool))
+    joint, vector = robust_posterior(
+        PLANT, make_batch(recordings, encoder_step=QUIET * FINE), np.zeros(3, bool)
+    )
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     return slow, vector, slow.powers([vector])[0]
 

@@ -20,7 +20,7 @@ from frictionjax.diagnosis.evidence.views import View, held_out_error, recording
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import Ending, Fitted
 from frictionjax.estimation.objective.misfit import losses_of
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import pack
 from frictionjax.recordings import Recording
 
@@ -77,7 +77,7 @@ def test_within_is_told_for_fitted_and_held_out_recordings(quiet):
 def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(quiet):
     """Not what acts in a tenth of the blocks, nor all of what triples their power; and a quieter one stays."""
     shape = quiet.block_count.shape
-    level, joint = 1.4 * np.ones(shape), make_joint(PLANT, quiet, np.array([True, False]))[0]
+    level, joint = 1.4 * np.ones(shape), robust_posterior(PLANT, quiet, np.array([True, False]))[0]
     raised = 1.3 * level
     raised[0] *= 1.2
     np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])
@@ -177,7 +177,7 @@ def small():
     case = small_case()
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, _ = make_joint(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
+    joint, _ = robust_posterior(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
     return recordings, joint.at_bandwidth(SLOW_BANDWIDTH)
 
 

@@ -20,7 +20,7 @@ from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.estimation.data.force_noise import sensor_noise, unrepeated
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
-from frictionjax.estimation.objective.robust import extend, make_joint
+from frictionjax.estimation.objective.robust import extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 from frictionjax.recordings import Case, Plant, Recording, load_case
@@ -38,7 +38,7 @@ def test_the_truth_leaves_the_noise():
     drive = SLIP.with_effects(effect("ConstantLoad", load=0.05))
     recordings = motion_case(drive).recordings
     batch = make_imposed_batch(recordings)
-    joint, vector = make_joint(drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch))
+    joint, vector = robust_posterior(drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch))
     e = np.asarray(joint.errors_at([vector])[0])
     count = e.shape[1]
     for row in e:
@@ -50,7 +50,7 @@ def test_the_truth_leaves_the_noise():
 def test_an_effect_is_simulated_as_it_is():
     """At zero strength it leaves the errors of the model without it; at the truth it leaves the noise."""
     batch = make_imposed_batch(motion_case(SLIP).recordings)
-    joint, vector = make_joint(ROTARY, batch, np.zeros(4, dtype=bool))
+    joint, vector = robust_posterior(ROTARY, batch, np.zeros(4, dtype=bool))
     added, start = extend(joint, vector, effect("MaxwellSlip", spread=1.2), plant_scales(ROTARY, batch))
     place = [free.label for free in added.layout].index("share")
     errors = errors_with_effect([added, added], [start, start.at[place].add(0.5)])

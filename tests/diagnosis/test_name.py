@@ -27,7 +27,7 @@ from frictionjax.diagnosis.screening.score_test import _score_test, forms_to_try
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.robust import make_joint
+from frictionjax.estimation.objective.robust import robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import catalogue
 
@@ -165,7 +165,7 @@ def tried(request):
     hidden, late, strength, size = PLANTED[request.param]
     drive = PLANT if hidden is None else PLANT.with_effects(hidden)
     batch = make_batch(_recordings(drive, late=late), encoder_step=FINE)
-    present = present_model(*make_joint(PLANT, batch, np.zeros(2, bool)))
+    present = present_model(*robust_posterior(PLANT, batch, np.zeros(2, bool)))
     scales = plant_scales(PLANT, batch) | {"stroke": 0.4, "Fc/stroke": 1.0}
     trials = [t for instance in TRIED.values() for t in try_form(present, [instance], scales)]
     return request.param, strength, size, present, trials
@@ -241,7 +241,7 @@ def test_p_values_of_a_true_base_model_are_not_anti_conservative():
             open_loop("loud", large_noise(6.0, seed=seed), seed=200 + seed),
         )
         batch = make_batch(recordings, encoder_step=FINE)
-        joint, start = make_joint(PLANT, batch, np.zeros(2, bool))
+        joint, start = robust_posterior(PLANT, batch, np.zeros(2, bool))
         present = present_model(joint, descend(joint, start, graduate=False).vector)
         scales = {"Fc": float(PLANT.friction.Fc), "dt": 1.0 / RATE}
         for name in names:

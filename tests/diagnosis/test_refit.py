@@ -21,7 +21,7 @@ from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -33,7 +33,7 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
     """Motor inertia, stiffness and damping stay what they were when a load of 0.3 of the whole is hung behind a gap; a
     known inertia is that of the whole."""
     batch = make_batch((open_loop("stick", stick_noise(), seed=1),), encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, np.array([False]), known_inertia=known)
+    joint, vector = robust_posterior(PLANT, batch, np.array([False]), known_inertia=known)
     joint, vector = extend(joint, vector, effect("Backlash"), plant_scales(PLANT, batch))
     place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "ratio")
     hung = uncoupled(joint, vector.at[place].set(0.3 / joint.layout[place].scale))
@@ -75,7 +75,7 @@ def driven():
         for k, ends in enumerate([(0.3, -0.1, 0.02), (-0.2, 0.25, 0.1)])
     )
     batch = make_batch(recordings, encoder_step=QUIET * FINE)
-    joint, vector = make_joint(PLANT, batch, np.zeros(2, bool))
+    joint, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     fitted = descend(slow, vector)
     model = Model(slow, fitted, judge(slow, fitted))

@@ -20,7 +20,7 @@ from frictionjax.diagnosis.selection.select import select
 from frictionjax.diagnosis.selection.stored_tables import StoredTables
 from frictionjax.diagnosis.table import Lead, table_json, table_of
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.physics import Drive, catalogue
 
 RULE = Rule()
@@ -55,7 +55,7 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     batch = make_batch(tuple(recordings), encoder_step=FINE)
     friction = dataclasses.replace(PLANT.friction, Fc=1.05 * PLANT.friction.Fc, Fs=1.05 * PLANT.friction.Fs)
     wrong = Drive(PLANT.J, friction, PLANT.motor_constant)
-    joint, vector = make_joint(wrong, batch, np.array([False, True, False, True]))
+    joint, vector = robust_posterior(wrong, batch, np.array([False, True, False, True]))
     model = converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
     floor = np.ones_like(model.judgement.power)
     assert not model.judgement.within(floor, ADEQUATE)[1]

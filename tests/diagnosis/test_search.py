@@ -21,7 +21,7 @@ from frictionjax.estimation import starting_values
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.misfit import losses_of
-from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -46,7 +46,7 @@ def recordings():
 def behind_a_gap(recordings):
     """A rigid model before these recordings, and that model with a second inertia, both with the slow observer."""
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
     joint, scales = joint.at_bandwidth(SLOW_BANDWIDTH), plant_scales(PLANT, batch)
     return joint, vector, *extend(joint, vector, effect("Backlash"), scales)
 
@@ -137,7 +137,7 @@ def test_a_search_is_given_up_where_no_gap_helps(behind_a_gap):
     assert search_backlash(stick, vector, DEFLECTION, 0.3) is None
     pushed = PLANT.with_effects(effect("ConstantLoad", load=0.1 * float(PLANT.friction.Fc)))
     batch = make_batch(experiment(drive=pushed), encoder_step=FINE)
-    other, begin = make_joint(PLANT, batch, np.zeros(4, bool))
+    other, begin = robust_posterior(PLANT, batch, np.zeros(4, bool))
     fitted = descend(other, begin)
     assert fitted.misfit > 0.1
     other, vector = extend(other, fitted.vector, effect("Backlash"), plant_scales(PLANT, batch))

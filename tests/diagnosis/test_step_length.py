@@ -14,7 +14,7 @@ from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.evidence.power import sum_clusters
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 
 QUIET = 0.02
@@ -24,7 +24,7 @@ QUIET = 0.02
 def _joint(noise):
     """The true model before recordings that were simulated with eight steps a sample."""
     batch = make_batch(experiment(noise=noise * NOISE, seed=3, substeps=8), encoder_step=noise * FINE)
-    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
     return joint.at_bandwidth(SLOW_BANDWIDTH), vector
 
 

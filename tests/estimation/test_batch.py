@@ -10,7 +10,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, RATE, VOLT, open_loop, stick_noise
 
 from frictionjax.estimation.data.batch import make_batch, noise_level, rows_of, what_was_before
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.recordings import Recording
 from frictionjax.simulation import simulate
 
@@ -55,7 +55,7 @@ def test_noise_is_not_below_what_quantisation_leaves():
     x = step * np.round(1e-3 * np.sin(2 * np.pi * 0.5 * T) / step)
     floor = step / np.sqrt(12.0)
     assert noise_level(_recording(x), step) >= floor
-    # Without being told, the smallest jump in the data is the step.
+    # Where it is not given, the smallest jump in the data is the step.
     assert noise_level(_recording(x)) >= 0.999 * floor
     assert noise_level(_recording(np.zeros(6000)), step) == floor
 
@@ -135,7 +135,7 @@ def test_padding_changes_no_innovation():
     together, alone = make_batch((short, long), encoder_step=FINE), make_batch((short,), encoder_step=FINE)
     powers = []
     for batch in (together, alone):
-        joint, vector = make_joint(PLANT, batch, np.zeros(len(batch.lengths), bool))
+        joint, vector = robust_posterior(PLANT, batch, np.zeros(len(batch.lengths), bool))
         powers.append(joint.powers([vector])[0][0, :30])
     np.testing.assert_allclose(powers[0], powers[1], rtol=1e-9)
 
@@ -143,7 +143,7 @@ def test_padding_changes_no_innovation():
 def test_a_machine_that_never_moves_gives_no_nan():
     """Every sample the same, and the encoder's step unknown: a level of zero would divide by zero."""
     still = _recording(np.zeros(3000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:3000]))
-    joint, vector = make_joint(PLANT, make_batch((still,)), np.zeros(1, bool))
+    joint, vector = robust_posterior(PLANT, make_batch((still,)), np.zeros(1, bool))
     assert np.isfinite(joint.misfits([vector])[0])
 
 
@@ -167,7 +167,7 @@ def test_each_sample_rate_has_its_own_noise_floor(order):
 
 def _misfit(recordings):
     held_out = np.zeros(len(recordings), bool)
-    joint, vector = make_joint(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
+    joint, vector = robust_posterior(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
     return joint.at_bandwidth(SLOW_BANDWIDTH).misfits([vector])[0]
 
 

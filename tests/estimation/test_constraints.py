@@ -88,7 +88,7 @@ def test_both_inertia_and_motor_constant_with_a_prior():
     assert set(_labels(_resolve(free=both, priors={"motor_constant": (16.0, 0.5)}))) == set(both)
 
 
-def test_an_effect_with_a_taken_name_is_told_by_its_class():
+def test_an_effect_with_a_taken_name_is_labelled_by_its_class():
     drive = PLANT.with_effects(effect("Ripple"), effect("PeriodicPositionDependence"))
     scales = {"Fc": 0.5, "stroke": 1.0, "sigma0": 2e3, "vs": 0.06, "sigma2": 0.06, "zs": 3e-4, "dt": DT}
     known = _labels(resolve(drive, DT, scales, free=None, fixed=(), ties={}, bounds={}, priors={}))
@@ -119,9 +119,12 @@ NOT_MEANT = {
     "no number": ({"ties": {"load": ("Fc", np.nan)}}, r"`ties`: load would be nan times Fc. Give a"),
     "weak static friction": (
         {"ties": {"Fs": ("Fc", 0.9)}},
-        r"`ties`: Fs = 0.9 Fc contradicts Fs > Fc. Static friction is above Coulomb friction",
+        r"`ties`: Fs = 0.9 Fc contradicts Fs > Fc. Fs must exceed Fc: use a factor above 1",
     ),
-    "strong Coulomb friction": ({"ties": {"Fc": ("Fs", 1.1)}}, r"`ties`: Fc = 1.1 Fs contradicts Fs > Fc"),
+    "strong Coulomb friction": (
+        {"ties": {"Fc": ("Fs", 1.1)}},
+        r"`ties`: Fc = 1.1 Fs contradicts Fs > Fc. Fs must exceed Fc: use a factor below 1",
+    ),
     "no room": (
         {"bounds": {"J": (0.05, 0.01)}},
         r"`bounds`: J would lie between 0.05 and 0.01. Give the lower",
@@ -156,7 +159,7 @@ NOT_MEANT = {
     "all fixed": ({"fixed": (*ARM, "load")}, r"`free`: nothing is left to be found"),
     "all forces": (
         {"free": ("J", "motor_constant", "Fc")},
-        r"`free`: J and motor_constant are held only as a ratio.*Fix one of them, or give one of them a prior",
+        r"`free`: J and motor_constant can be identified only as a ratio.*Fix one of them, or give one of them a prior",
     ),
 }
 

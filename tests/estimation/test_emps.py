@@ -37,8 +37,8 @@ def ahead(drive, recording):
         stride=far // 2,
         substeps=2,
     )
-    told = slice(far, None, far // 2)
-    return 1e3 * float(np.sqrt(np.mean((np.asarray(x) - recording.x)[told] ** 2)))
+    stated = slice(far, None, far // 2)
+    return 1e3 * float(np.sqrt(np.mean((np.asarray(x) - recording.x)[stated] ** 2)))
 
 
 @pytest.mark.slow

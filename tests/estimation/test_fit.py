@@ -1,4 +1,4 @@
-"""`fit`: finds known parameters and noise, keeps to what it is told, says what it touches, and refuses with a cure.
+"""`fit`: finds known parameters and noise, keeps to its constraints, reports ends of ranges, and refuses with a cure.
 
 All recordings have one shape, so that each structure (which parameters are free, which loss) is compiled once.
 """
@@ -52,14 +52,16 @@ def recordings():
 
 
 @pytest.fixture(scope="module")
-def told():
-    """What a fit told of its progress."""
+def reported():
+    """What a fit reported on its progress."""
     return []
 
 
 @pytest.fixture(scope="module")
-def fitted(recordings, told):
-    return fit_near(recordings, other_start(MORE), progress=lambda stage, done: told.append((stage, done)))
+def fitted(recordings, reported):
+    return fit_near(
+        recordings, other_start(MORE), progress=lambda stage, done: reported.append((stage, done))
+    )
 
 
 def test_the_truth_is_recovered(fitted):
@@ -99,8 +101,8 @@ def test_the_result_is_one(fitted):
     assert fitted.parameters["sigma0"].unit == "N*m/rad"
 
 
-def test_progress_is_told_in_order(fitted, told):
-    done = [fraction for _, fraction in told]
+def test_progress_is_reported_in_order(fitted, reported):
+    done = [fraction for _, fraction in reported]
     assert done == sorted(done)
     assert 0.0 <= done[0] <= done[-1] <= 1.0
 
@@ -236,7 +238,7 @@ def test_a_known_sensor_is_believed(recordings):
     assert found.noise["stick"].position == pytest.approx(NOISE, rel=1e-12)
     assert found.noise["moves"].position == pytest.approx(3.0 * NOISE, rel=1e-12)
     assert found.noise["ramps"].position == pytest.approx(NOISE, rel=0.1)
-    # Too much noise is believed, and told: what is left is smaller than stated.
+    # Too much noise is believed, and reported: what is left is smaller than stated.
     assert found.noise["moves"].power < 0.7
 
 

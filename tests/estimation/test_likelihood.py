@@ -18,7 +18,7 @@ from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.loss import Cauchy, Gaussian, Huber
 from frictionjax.estimation.objective.misfit import losses_of, misfit_of
 from frictionjax.estimation.objective.quadratic import all_columns
-from frictionjax.estimation.objective.robust import graduated, make_joint
+from frictionjax.estimation.objective.robust import graduated, robust_posterior
 
 
 @eqx.filter_jit
@@ -41,7 +41,7 @@ def batch():
 
 @pytest.fixture(scope="module")
 def problem(batch):
-    return make_joint(PLANT, batch, np.zeros(2, bool))
+    return robust_posterior(PLANT, batch, np.zeros(2, bool))
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_misfit_is_zero_at_the_floor_and_the_logarithm_far_above(batch):
     wild[0, 5] = 1e8
     part = count[0, 5] / np.sum(count)
     assert misfit_of(wild, both, batch) == pytest.approx(part * 0.5 * np.log((1e8 + 1) / 2), rel=1e-9)
-    # A recording that is kept aside counts for nothing, one that is not finite for everything.
+    # A held-out recording counts for nothing, one that is not finite for everything.
     assert misfit_of(wild, np.array([0.0, 1.0]), batch) == pytest.approx(0.0, abs=1e-12)
     wild[0, 5] = np.nan
     assert misfit_of(wild, both, batch) == float("inf")
@@ -236,13 +236,13 @@ def test_a_robust_descent_ends_where_scipy_does(problem):
 
 
 @pytest.mark.parametrize("deflection", [-0.5, 0.3])
-def test_a_known_starting_deflection_is_recovered_in_a_recording_kept_aside(deflection):
+def test_a_known_starting_deflection_is_recovered_in_a_held_out_recording(deflection):
     """A machine left with its bristle bent, and held there by the input that this asks for."""
     bent = deflection * float(PLANT.friction.Fs / PLANT.friction.sigma0)
     held = open_loop("held", deflection * VOLT + 0.3 * stick_noise(0.9), seed=1, z0=bent)
     at_rest = open_loop("rest", stick_noise(0.9), seed=2)
     batch = make_batch((held, at_rest), encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, np.array([True, False]))
+    joint, vector = robust_posterior(PLANT, batch, np.array([True, False]))
     scored = np.asarray(batch.block_count) > 0
     assert joint.powers([vector])[0][0][scored[0]].mean() > 2.0
     found = descend(joint, vector)
@@ -253,9 +253,9 @@ def test_a_known_starting_deflection_is_recovered_in_a_recording_kept_aside(defl
         assert np.asarray(found.near.powers[0])[row][scored[row]].mean() == pytest.approx(1.0, rel=0.15)
 
 
-def test_no_parameter_sees_a_recording_kept_aside(batch):
+def test_no_parameter_sees_a_held_out_recording(batch):
     """Whatever it holds: here its input is another one, and its power dozens of times the noise."""
-    joint, vector = make_joint(PLANT, batch, np.array([False, True]))
+    joint, vector = robust_posterior(PLANT, batch, np.array([False, True]))
     spoiled = eqx.tree_at(lambda j: j.evidence[0].batch.u, joint, batch.u.at[1].multiply(1.2))
     start = vector.at[0].add(0.05)
     ends = [descend(one, start) for one in (joint, spoiled)]

@@ -13,7 +13,7 @@ from frictionjax.estimation import Cauchy, Gaussian, Huber
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.levenberg_marquardt import small_residuals
 from frictionjax.estimation.objective.quadratic import Evaluation, Place, Quadratic, quadratic_of
-from frictionjax.estimation.objective.robust import make_joint
+from frictionjax.estimation.objective.robust import robust_posterior
 
 LOSSES = (Gaussian(), Cauchy(), Cauchy(0.1), Cauchy(30.0), Huber(), Huber(0.5))
 POWERS = jnp.asarray(np.geomspace(1e-6, 1e9, 400))
@@ -139,7 +139,7 @@ def problem():
         open_loop("stick", stick_noise(0.9), seed=1),
         closed_loop("move", moves(1.1, (0.2,), (0.5,)), seed=2),
     )
-    return make_joint(PLANT, make_batch(recordings, encoder_step=FINE), np.zeros(2, bool))
+    return robust_posterior(PLANT, make_batch(recordings, encoder_step=FINE), np.zeros(2, bool))
 
 
 @pytest.mark.parametrize("loss", [Gaussian(), Cauchy(), Huber()], ids=_name)

@@ -27,7 +27,7 @@ SAMPLES = 3000
 NOISE = 2e-3
 """Standard deviation of the measured force, N m: 0.3 % of break-away."""
 LAWS = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
-LOST = "Where all motion is imposed inertia does not act: J is kept at its start."
+LOST = "All motion is imposed, so inertia cannot be identified: J stays at its starting value."
 HOPELESS = Drive(1.0, LuGre(sigma0=1.0, sigma1=1.0, sigma2=1.0, Fc=100.0, Fs=120.0, vs=1.0))
 """A start that is wrong by decades in everything."""
 
@@ -350,11 +350,11 @@ def left(found, recording):
 
 @pytest.fixture(scope="module")
 def tribometer():
-    """Fit interval and what is kept aside."""
+    """Fit interval and what is held out."""
     if not TRIBOMETER.exists():
         pytest.skip("the shared recordings are not here")
     case = load_case(TRIBOMETER)
-    # The specimen lifts off at 99.5 s of the recording kept aside.
+    # The specimen lifts off at 99.5 s of the held-out recording.
     return thinned(case.recordings[0]), thinned(case.recordings[1], 99.0)
 
 

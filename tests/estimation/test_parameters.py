@@ -17,6 +17,7 @@ from frictionjax.estimation.parameters import (
     effect_layout,
     pack,
     physical,
+    touching,
     unpack,
 )
 from frictionjax.physics import Drive, LuGre
@@ -146,7 +147,7 @@ def test_effects_follow_the_base_and_each_other():
     np.testing.assert_allclose(values, [*truth(PLANT).values(), 0.1, 1e-3], rtol=1e-12)
 
 
-def test_the_ends_of_a_range_are_told():
+def test_the_ends_of_a_range_are_reported():
     start = pack(BASE, PLANT)
     assert at_a_bound(BASE, start, start) == ()
     for index, free in enumerate(BASE):
@@ -154,6 +155,15 @@ def test_the_ends_of_a_range_are_told():
         for end in (low, high, high + 3.0):
             assert at_a_bound(BASE, start.at[index].set(end), start) == (free.label,)
         assert at_a_bound(BASE, start.at[index].set(high - 1e-6), start) == ()
+
+
+def test_the_ends_of_a_range_are_found_inside_transformations():
+    """Many vectors side by side, each beyond one end of one range."""
+    start = pack(BASE, PLANT)
+    for side, outward in ((0, -1e-9), (1, 1e-9)):
+        ends = [start.at[i].set(float(free.range(start[i])[side]) + outward) for i, free in enumerate(BASE)]
+        found = jax.jit(jax.vmap(lambda vector: touching(BASE, vector, start)))(jnp.stack(ends))
+        np.testing.assert_array_equal(found, np.eye(len(BASE), dtype=bool))
 
 
 def test_a_strength_that_rests_on_zero_is_at_the_end_of_its_range():

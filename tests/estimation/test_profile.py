@@ -19,9 +19,11 @@ def fitted():
 
 @pytest.fixture(scope="module")
 def redrawn(fitted):
-    told = []
-    found = bootstrap(fitted, DRAWS, jax.random.key(1), piece=20, progress=lambda _, part: told.append(part))
-    assert told == [0.5, 1.0]
+    reported = []
+    found = bootstrap(
+        fitted, DRAWS, jax.random.key(1), piece=20, progress=lambda _, part: reported.append(part)
+    )
+    assert reported == [0.5, 1.0]
     return found
 
 

@@ -1,4 +1,4 @@
-"""What `fit` cannot be asked is refused in a sentence with a cure; what the data do not show is told."""
+"""What `fit` cannot do is refused in a sentence with a cure; what the data do not determine is reported."""
 
 import dataclasses
 
@@ -41,18 +41,18 @@ class TestRefusals:
 
     @pytest.mark.slow
     @pytest.mark.slow
-    def test_one_that_does_not_move_is_told(self, recordings):
+    def test_one_that_does_not_move_is_reported(self, recordings):
         steps = 1e-6 * np.random.default_rng(0).integers(-1, 2, SAMPLES)
         found = fit_near([Recording("still", RATE, np.zeros(SAMPLES), steps), *recordings[1:]])
-        assert "`still` hardly moves: it says next to nothing." in found.message
+        assert "`still` hardly moves: it has almost no information on the parameters." in found.message
 
-    def test_what_no_data_hold_is_told(self):
+    def test_what_no_data_hold_is_reported(self):
         """Three recordings of noise alone."""
         rng = np.random.default_rng(0)
         quiet = [Recording(n, RATE, np.zeros(SAMPLES), NOISE * rng.standard_normal(SAMPLES)) for n in NAMES]
         found = fit_near(quiet)
         assert not any(estimate.identified for estimate in found.parameters.values())
-        assert "Not held by these data: J, sigma0" in found.message
+        assert "Not identifiable from these data: J, sigma0" in found.message
 
     @pytest.mark.parametrize("channel", ["u", "x"])
     def test_a_gap(self, recordings, channel):
@@ -64,7 +64,7 @@ class TestRefusals:
     def test_too_short(self, recordings):
         cut = dataclasses.replace(recordings[0], u=recordings[0].u[:150], x=recordings[0].x[:150])
         with pytest.raises(
-            InputError, match=r"`stick` has 150 samples; at 1000 Hz 200 are the least.*record longer"
+            InputError, match=r"`stick` has 150 samples; at 1000 Hz it needs 200.*record longer"
         ):
             fit_near([cut])
 

@@ -29,7 +29,7 @@ from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Ending, Fitted, _step, descend
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.parameters import effect_layout, pack
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import covariance_of, estimates
@@ -55,17 +55,17 @@ def _other_start(**factors):
 
 
 @pytest.fixture(scope="module")
-def told():
-    """What a fit told of its progress."""
+def reported():
+    """What a fit reported on its progress."""
     return []
 
 
 @pytest.fixture(scope="module")
-def fitted(told):
+def fitted(reported):
     """Four short recordings of a known plant, fitted from what the recordings alone say."""
     recordings = experiment()
     start = starting_values(recordings, motor_constant=KM)
-    return base_fit(start.drives, recordings, progress=lambda stage, done: told.append((stage, done)))
+    return base_fit(start.drives, recordings, progress=lambda stage, done: reported.append((stage, done)))
 
 
 @pytest.fixture(scope="module")
@@ -125,11 +125,11 @@ def test_clusters_add_up_to_the_gradient(fitted):
     np.testing.assert_allclose(np.sum(clusters, axis=0) / size, gradient / size, atol=1e-9)
 
 
-def test_progress_is_told_in_order(fitted, told):
-    done = [fraction for _, fraction in told]
+def test_progress_is_reported_in_order(fitted, reported):
+    done = [fraction for _, fraction in reported]
     assert done == sorted(done)
     assert 0.0 <= done[0] <= done[-1] <= 1.0
-    assert all(stage.startswith("base fit") for stage, _ in told)
+    assert all(stage.startswith("base fit") for stage, _ in reported)
 
 
 def test_new_numbers_do_not_compile_again(fitted):
@@ -189,7 +189,7 @@ def test_starts_without_finite_predictions_are_refused():
 def quiet():
     """Noise at a fiftieth of break-away: hardly anything shows beyond inertia, stiffness and damping."""
     recording = open_loop("quiet", stick_noise(1.2, level=0.02), seed=3)
-    return make_joint(PLANT, make_batch((recording,), encoder_step=FINE), np.zeros(1, bool))
+    return robust_posterior(PLANT, make_batch((recording,), encoder_step=FINE), np.zeros(1, bool))
 
 
 def _ended(joint, vector, ending=Ending.AT_REST):
@@ -211,7 +211,7 @@ def test_messages_are_sentences(quiet):
     assert not any(estimate.identified for estimate in lost.values())
 
 
-def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(quiet):
+def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_minimum(quiet):
     """A lag in units of a sample may have to grow forty-fold; logarithms go 1.5 at most."""
     joint, vector = quiet
     more, longer = extend(joint, vector, effect("FrictionLag"), plant_scales(PLANT, joint.batch))
@@ -225,7 +225,7 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_valley(qu
         assert step[0] == 1.5
 
 
-def test_an_elastic_core_that_starts_bent_is_found_in_a_recording_kept_aside():
+def test_an_elastic_core_that_starts_bent_is_found_in_a_held_out_recording():
     """Nothing slips in it, so that a bend lasts: it moves the innovations more than all that no model would leave."""
     drive = PLANT.with_effects(effect("ElastoPlastic", plasticity=1.0, core=0.6))
     bend, quiet = float(PLANT.friction.Fs / PLANT.friction.sigma0), {"noise": 1e-7, "substeps": 4}
@@ -236,7 +236,7 @@ def test_an_elastic_core_that_starts_bent_is_found_in_a_recording_kept_aside():
     )
     batch = make_batch(recordings, encoder_step=FINE)
     scales = plant_scales(PLANT, batch)
-    joint, vector = make_joint(drive, batch, np.array([False, True]), scales=scales)
+    joint, vector = robust_posterior(drive, batch, np.array([False, True]), scales=scales)
     found = descend(joint.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
     assert float(found.vector[-1]) == pytest.approx(0.05, rel=0.02)
     assert float(np.median(np.asarray(found.near.powers[0])[1])) == pytest.approx(1.0, abs=0.15)
@@ -285,7 +285,7 @@ def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
 
 @pytest.mark.slow
 def test_sliding_alone_recovers_the_truth():
-    """Guesses of the stiffness are mended by what the reversals show."""
+    """Guesses of the stiffness are corrected by the reversals."""
     more = moves(positions=(-0.2, 0.1, 0.3), durations=(0.4, 0.3, 0.5))
     recordings = (closed_loop("moves", moves(), seed=4), closed_loop("more", more, seed=5))
     found = base_fit(starting_values(recordings, motor_constant=KM).drives, recordings)
@@ -295,7 +295,7 @@ def test_sliding_alone_recovers_the_truth():
 def test_finer_steps_take_out_what_one_step_a_sample_costs():
     """Simulated with sixteen steps a sample and a fiftieth of the noise: a descent takes one step, and is biased."""
     batch = make_batch(experiment(noise=0.02 * NOISE, seed=3, substeps=16), encoder_step=0.02 * FINE)
-    joint, vector = make_joint(PLANT, batch, np.zeros(4, bool))
+    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     found = descend(slow, vector, graduate=False)
     parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
@@ -344,7 +344,7 @@ def test_an_effect_is_fitted_with_the_base():
     drive = PLANT.with_effects(effect("ConstantLoad", load=0.06))
     batch = make_batch(experiment(drive=drive, seed=4), encoder_step=FINE)
     start = PLANT.with_effects(effect("ConstantLoad"))
-    joint, vector = make_joint(start, batch, np.zeros(4, bool), scales=plant_scales(PLANT, batch))
+    joint, vector = robust_posterior(start, batch, np.zeros(4, bool), scales=plant_scales(PLANT, batch))
     slow = joint.at_bandwidth(SLOW_BANDWIDTH)
     found = descend(slow, descend(joint, vector).vector, graduate=False)
     assert found.converged

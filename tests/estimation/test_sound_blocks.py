@@ -7,7 +7,7 @@ import pytest
 from helpers_estimation import FINE, PLANT, open_loop, stick_noise
 
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.robust import make_joint
+from frictionjax.estimation.objective.robust import robust_posterior
 
 
 @pytest.mark.parametrize("column", [0, -1])
@@ -16,7 +16,7 @@ def test_a_block_whose_derivatives_overflow_says_nothing_and_the_others_all(valu
     """By a parameter or by a starting deflection; in a held-out recording, too, where it is multiplied by 0. What a
     starting deflection might do is far more than a machine in stick moves: that it can be squared is enough."""
     runs = tuple(open_loop(f"stick {k}", stick_noise(), seed=k) for k in (1, 2))
-    posterior, vector = make_joint(PLANT, make_batch(runs, encoder_step=FINE), np.array([False, True]))
+    posterior, vector = robust_posterior(PLANT, make_batch(runs, encoder_step=FINE), np.array([False, True]))
     (plain,), block = posterior.evaluated(vector), posterior.batch.block
     columns = plain.columns.at[column, 1, 5 * block : 7 * block].set(value)
     spoilt = eqx.tree_at(lambda e: e.columns, plain, columns)

@@ -1,4 +1,4 @@
-"""Starting values: read off the recordings, near enough to the truth, and honest about what was not seen."""
+"""Starting values: read off the recordings, near enough to the truth, with notes on what they do not determine."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -65,8 +65,8 @@ def test_sliding_alone_shows_inertia_and_coulomb_friction(sliding_only):
     start = starting_values(sliding_only, motor_constant=KM)
     assert not start.presliding_seen
     assert start.notes == (
-        "No broadband recording in stick: bristle stiffness and damping show only at reversals, "
-        "and are barely visible.",
+        "No broadband recording in stick: bristle stiffness and damping act only at reversals, "
+        "and are poorly determined.",
     )
     for away in map(_away, start.drives):
         assert away["J"] == pytest.approx(1.0, abs=0.1)
@@ -102,7 +102,7 @@ def test_noise_that_slides_is_not_taken_for_stick():
     wild = open_loop("wild", large_noise(2.2, level=4.0), seed=3)
     start = starting_values((wild, closed_loop("moves", moves(), seed=4)), motor_constant=KM)
     assert not start.presliding_seen
-    # Smoothed noise, which reverses all the time, blurs inertia and Coulomb friction; a fit mends far more than that.
+    # Smoothed noise, which reverses all the time, blurs inertia and Coulomb friction; a fit corrects more than that.
     assert _away(start.drives[0])["J"] == pytest.approx(1.0, abs=0.25)
 
 
@@ -182,7 +182,7 @@ def test_a_stiffness_that_large_moves_make_up_does_not_pass_for_stick(sliding_on
 
 
 def test_each_start_goes_its_own_way():
-    """The range within which a fit looks is its own start's: a first one that is far away does not hold the next."""
+    """The range of a fit is about its own start: a first one that is far away does not limit the next."""
     near = Drive(1.3 * PLANT.J, PLANT.friction, PLANT.motor_constant)
     Fc = 0.01 * PLANT.friction.Fc
     friction = dataclasses.replace(PLANT.friction, Fc=Fc, Fs=2.0 * Fc, sigma2=PLANT.friction.sigma1)
@@ -193,7 +193,7 @@ def test_each_start_goes_its_own_way():
         assert away[name] == pytest.approx(1.0, abs=0.03), name
 
 
-def test_force_that_motion_does_not_explain_is_told():
+def test_force_that_motion_does_not_explain_is_reported():
     """An input that has nothing to do with the motion."""
     rng = np.random.default_rng(1)
     t = np.arange(4400) / RATE

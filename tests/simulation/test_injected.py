@@ -10,7 +10,7 @@ from helpers_plants import FORMS
 
 from frictionjax.diagnosis.screening.linearised import BESIDE, present_model
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.robust import extend, make_joint
+from frictionjax.estimation.objective.robust import extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 
 # One form of each slot; the others are slow tests.
@@ -32,7 +32,7 @@ def present():
         dataclasses.replace(r, temperature=20.0 + 10.0 * np.linspace(0.0, 1.0, r.x.size)) for r in recordings
     )
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, np.zeros(2, bool))
+    joint, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
     return present_model(joint, vector), plant_scales(PLANT, batch)
 
 

@@ -21,7 +21,7 @@ from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Search
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 
 HELD_OUT = np.array([False, False, True, True])
@@ -46,7 +46,7 @@ def world(*names):
         recordings.append(open_loop("stick", stick_noise(1.2, seed=seed), seed=seed, drive=drive, role=role))
         recordings.append(open_loop("moves", pushes(seed), seed=seed + 1, drive=drive, role=role))
     batch = make_batch(tuple(recordings), encoder_step=FINE)
-    joint, vector = make_joint(PLANT, batch, HELD_OUT)
+    joint, vector = robust_posterior(PLANT, batch, HELD_OUT)
     return converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector), plant_scales(PLANT, batch)
 
 

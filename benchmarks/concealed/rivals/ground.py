@@ -16,7 +16,7 @@ from frictionjax.diagnosis.screening.periods import wavelengths
 from frictionjax.diagnosis.screening.score_test import forms_to_try
 from frictionjax.estimation.data.batch import Batch, make_batch
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
@@ -119,6 +119,6 @@ def ground_of(case: fj.Case, base: dict[str, float]) -> Ground:
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=case.plant.encoder_step)
     held_out = np.array([r.role == "holdout" for r in recordings])
-    joint, vector = make_joint(drive, batch, held_out, known_inertia=case.plant.inertia is not None)
+    joint, vector = robust_posterior(drive, batch, held_out, known_inertia=case.plant.inertia is not None)
     scales = plant_scales(drive, batch)
     return Ground(case, drive, batch, held_out, joint, np.asarray(vector), scales)

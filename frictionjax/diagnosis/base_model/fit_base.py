@@ -17,7 +17,7 @@ from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, make_joint
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 from frictionjax.physics import Drive
@@ -73,7 +73,7 @@ def fit_base(
     """
     progress(f"base fit: {len(starts)} starting values", 0.0)
     # Each has a range of its own: starts may lie orders of magnitude apart.
-    posed = [make_joint(start, batch, held_out, known_inertia=known_inertia) for start in starts]
+    posed = [robust_posterior(start, batch, held_out, known_inertia=known_inertia) for start in starts]
     fast = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), posed))
     order = sorted(range(len(starts)), key=lambda number: fast[number].misfit)
     progress("base fit: slow observer", 0.6)

@@ -83,7 +83,8 @@ def view(judgement: Judgement, scene: Scene) -> View:
     dt = np.asarray(batch.dt)
     if batch.imposed:
         slowest = float(np.max(dt))
-        forces = view_of_forces(judgement, batch, ahead_samples(slowest), force_bandwidth(slowest))
+        own = (ahead_samples(slowest), force_bandwidth(slowest))
+        forces = view_of_forces(judgement, batch, *own)  # type: ignore[arg-type]
         return View(forces.free, forces.ahead, forces.missing, forces.v, forces.bend, forces.e)
     shape = np.asarray(batch.x).shape
     whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}

@@ -51,10 +51,10 @@ def ease(model: Model, *, rule: Rule = Rule(), effort: Effort = Effort()) -> Mod
     if not batch.imposed:
         return model
     scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted[0])[:, None] > 0)
-    wanted = ease_of(model.judgement.power[scored], rule)
-    if abs(np.log(wanted / float(batch.ease[0]))) < effort.refitting.eased:
+    wanted, now = ease_of(model.judgement.power[scored], rule), batch.ease  # type: ignore[attr-defined]
+    if abs(np.log(wanted / float(now[0]))) < effort.refitting.eased:
         return model
-    joint = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.joint, jnp.full_like(batch.ease, wanted))
+    joint = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.joint, jnp.full_like(now, wanted))
     fitted = descend(joint, model.fitted.vector, graduate=False)
     return Model(joint, fitted, judge(joint, fitted))
 

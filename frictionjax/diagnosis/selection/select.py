@@ -63,7 +63,8 @@ def select(
     answering = executor.submit(answer_to_force, joint, model.fitted.vector, rule=rule)
     pair = None
     if not joint.batch.imposed:
-        pair = resonance_pair(joint.batch, np.flatnonzero(np.asarray(joint.fitted[0]) > 0))
+        fitted = np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
+        pair = resonance_pair(joint.batch, fitted)  # type: ignore[arg-type]
     candidates = Candidates(executor, progress, scales, pair, without, barred, stick_inertia, rule, effort)
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)

@@ -1,4 +1,4 @@
-"""Recordings side by side: padded to one length, with masks, noise levels and starting states."""
+"""Recordings as arrays side by side: padded to one length, with masks, noise levels and initial states."""
 
 import dataclasses
 import math
@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int, PyTree, Shaped
 
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
@@ -26,12 +26,12 @@ CLUSTER = 10
 
 
 class AbstractBatch(eqx.Module):
-    """`r` recordings padded to `n` samples (`n` a whole number of blocks), whatever was applied and what answered.
+    """`r` recordings padded to `n` samples (`n` a whole number of blocks), force-driven or of an imposed motion.
 
     **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
-    deviation of the noise of the answer), shape `(r,)`; `block` (samples per block); `lengths` (samples of each
-    recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps a
-    sample).
+    deviation of the noise of the measured output), shape `(r,)`; `block` (samples per block); `lengths` (samples of
+    each recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps
+    a sample).
     """
 
     x: eqx.AbstractVar[Float[Array, "r n"]]
@@ -46,12 +46,12 @@ class AbstractBatch(eqx.Module):
     @property
     @abstractmethod
     def imposed(self) -> bool:
-        """Whether the motion was imposed, and the friction force is the answer."""
+        """Whether the motion was imposed, and the friction force is the measured output."""
 
     @property
     @abstractmethod
     def answer(self) -> Float[Array, "r n"]:
-        """What was measured and a model predicts: position or force, shape `(r, n)`."""
+        """The measured output, which a model predicts: position or force, shape `(r, n)`."""
 
     @property
     @abstractmethod
@@ -76,7 +76,7 @@ class AbstractBatch(eqx.Module):
 
     @property
     def eased(self) -> Float[np.ndarray, " r"]:
-        """Factor that brings the power of the standardised errors to multiples of that of the noise, shape `(r,)`."""
+        """Power of the noise with which errors are standardised over that of the measured noise, shape `(r,)`."""
         return np.ones(self.x.shape[0])
 
     @property
@@ -88,14 +88,14 @@ class AbstractBatch(eqx.Module):
 def rows_of(tree: PyTree, rows: Int[np.ndarray, " k"]) -> PyTree:
     """These `rows` of every array of a `tree`. By NumPy: no shape is compiled for."""
 
-    def some(leaf):
+    def some(leaf: Shaped[Array | np.ndarray, "r ..."]) -> Shaped[Array | np.ndarray, "k ..."]:
         return leaf[rows] if isinstance(leaf, np.ndarray) else jnp.asarray(np.asarray(leaf)[rows])
 
     return jax.tree.map(some, tree)
 
 
 class Batch(AbstractBatch):
-    """Recordings of an applied input and of the position that answers.
+    """Force-driven recordings: the applied input and the measured position.
 
     **Attributes:** beside those of every batch `u` (input units), shape `(r, n)`, and position and velocity at the
     first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position; `substeps`: integration steps a sample.
@@ -137,7 +137,13 @@ class Batch(AbstractBatch):
         """The same recordings with so many integration `substeps` a sample."""
         return self if substeps == self.substeps else dataclasses.replace(self, substeps=substeps)
 
-    def each(self, function: Callable, gains: Gains, deflection: Float[Array, " r"], *more):
+    def each(
+        self,
+        function: Callable[..., PyTree],
+        gains: Gains,
+        deflection: Float[Array, " r"],
+        *more: PyTree,
+    ) -> PyTree:
         """`function` of every recording, side by side.
 
         **Arguments:**
@@ -149,7 +155,17 @@ class Batch(AbstractBatch):
         - `more`: further arrays of leading size `r`.
         """
 
-        def one(u, x, dt, gains, x0, v0, z0, before, *more):
+        def one(
+            u: Float[Array, " n"],
+            x: Float[Array, " n"],
+            dt: Float[Array, ""],
+            gains: Gains,
+            x0: Float[Array, ""],
+            v0: Float[Array, ""],
+            z0: Float[Array, ""],
+            before: Before,
+            *more: PyTree,
+        ) -> PyTree:
             return function(u, x, dt, gains, (x0, v0, z0, before), *more)
 
         return jax.vmap(one)(self.u, self.x, self.dt, gains, self.x0, self.v0, deflection, self.before, *more)
@@ -176,13 +192,13 @@ def noise_level(recording: Recording, encoder_step: float | None = None) -> floa
         jumps = np.abs(np.diff(recording.x))
         jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
         encoder_step = float(np.min(jumps)) if jumps.size else 0.0
-    # A machine that never moves, under an encoder of unknown step, shows neither noise nor step.
+    # The recording of a machine that never moves, by an encoder of unknown step, has neither noise nor a step.
     smallest = max(1e-9 * float(np.max(np.abs(recording.x))), 1e-12)
     return max(white_level(recording.x), encoder_step / np.sqrt(12.0)) or smallest
 
 
 def least_samples(sample_rate: float) -> int:
-    """Samples that a recording must have to be scored at all: the observer's settling and two blocks."""
+    """Samples that a recording needs to be scored at all: the observer's settling and two blocks."""
     return round((_SETTLING + 2.0 * BLOCK) * sample_rate)
 
 
@@ -191,10 +207,10 @@ _PIECES = 16  # into which a recording is cut for what came before the others
 
 
 def what_was_before(recordings: tuple[Recording, ...]) -> Before:
-    """What came before each of the `recordings`, as their starting times on one clock tell: arrays of shape `(r,)`, and
+    """What came before each of the `recordings`, by their starting times on one clock: arrays of shape `(r,)`, and
     `(r, k)` for the paths travelled before.
 
-    Recordings that all start at zero share no clock: then nothing is known of what was before.
+    Recordings that all start at zero share no clock: their history is then unknown.
     """
     starts = np.array([r.start_time for r in recordings])
     ends = starts + np.array([r.duration for r in recordings])
@@ -217,7 +233,7 @@ def what_was_before(recordings: tuple[Recording, ...]) -> Before:
     )
 
 
-def _temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
+def _temperatures(recordings: tuple[Recording, ...]) -> Float[np.ndarray, "r k"]:
     """Measured temperatures as in `Before`, shape `(r, TEMPERATURES)`; zeros unless every recording has them."""
     if any(r.temperature is None for r in recordings):
         return np.zeros((len(recordings), TEMPERATURES))
@@ -231,8 +247,8 @@ def _temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
     return np.array(kept) - kept[recordings.index(first)][0]
 
 
-def _path(x: np.ndarray) -> float:
-    """Length of the way that `x` goes, position units, seen every twentieth of a second's worth of samples."""
+def _path(x: Float[np.ndarray, " n"]) -> float:
+    """Length of the path of `x`, position units, from about 200 of its samples."""
     return float(np.sum(np.abs(np.diff(x[:: max(x.size // 200, 1)]))))
 
 
@@ -241,7 +257,7 @@ def block_of(recordings: tuple[Recording, ...]) -> int:
     return max(round(BLOCK * float(np.median([r.sample_rate for r in recordings]))), 8)
 
 
-def side_by_side(channels: Sequence[np.ndarray], block: int) -> Float[np.ndarray, "r n"]:
+def side_by_side(channels: Sequence[Float[np.ndarray, "..."]], block: int) -> Float[np.ndarray, "r n"]:
     """One channel of each recording, padded to one length, a whole number of blocks of `block` samples.
 
     Padding repeats the last value: finite, at rest, and to be masked (NaN would poison derivatives). Lengths go by
@@ -263,7 +279,7 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         if recording.x.size < least_samples(recording.sample_rate):
             raise ValueError(
                 f"Recording `{recording.name}` has {recording.x.size} samples; at {recording.sample_rate:g} Hz "
-                f"{least_samples(recording.sample_rate)} are the least: leave it out."
+                f"it needs {least_samples(recording.sample_rate)}: leave it out."
             )
     block = block_of(recordings)
     x = side_by_side([r.x for r in recordings], block)

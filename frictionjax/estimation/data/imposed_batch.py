@@ -1,4 +1,4 @@
-"""Recordings of imposed motion side by side: the position is given, the friction force answers."""
+"""Recordings of an imposed motion side by side: the position is given, the friction force is measured."""
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from frictionjax.simulation.imposed import run_imposed
 
 
 class ImposedBatch(AbstractBatch):
-    """Recordings of an imposed motion and of the friction force that answers.
+    """Recordings of an imposed motion and of the measured friction force.
 
     **Attributes:** beside those of every batch `force` (force units), shape `(r, n)`; `noise` is that of the force, and
     `ease`, shape `(r,)`, a factor (at least 1) on it with which errors are standardised.

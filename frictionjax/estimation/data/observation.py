@@ -1,16 +1,17 @@
-"""One piece of data for a fit, and what is known of it; the checks that make errors of the user sentences."""
+"""One piece of data for a fit, and what is known of it; checks of the data that a user gives."""
 
 from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.core import InputError
 from frictionjax.estimation.data.batch import least_samples
 from frictionjax.frequency import FRF
 from frictionjax.recordings import Recording
 
-_STILL = 3.5  # smallest steps of the sensor: a recording that moves no further holds nothing
+_NO_MOTION = 3.5  # smallest steps of the sensor: a recording that moves no further has no information
 
 
 class Observation(eqx.Module):
@@ -20,7 +21,7 @@ class Observation(eqx.Module):
 
     - `data`: a `Recording` (`drive = "force"` or `"motion"`) or an `FRF` of the machine in stick.
     - `noise`: standard deviation of the measured position (of the force, for `drive = "motion"`); None: it is found.
-    - `weight`: how much its cost counts; 1 is what the likelihood says.
+    - `weight`: how much its cost counts; 1 for the likelihood itself.
     - `x0`, `v0`: position and velocity at the first sample; None: read from the first samples, and the filter goes on
         from there. The deflection of the bristle is always found.
     - `band`: Hz, of an `FRF`: the bins that count.
@@ -66,8 +67,8 @@ def sort_data(data: Sequence[Recording | FRF | Observation]) -> Sorted:
             continue
         recording = own.data
         _check(recording)
-        if np.ptp(recording.x) <= _STILL * _step(recording.x):
-            notes.append(f"`{recording.name}` hardly moves: it says next to nothing.")
+        if np.ptp(recording.x) <= _NO_MOTION * _step(recording.x):
+            notes.append(f"`{recording.name}` hardly moves: it has almost no information on the parameters.")
         kinds["forces" if recording.drive == "motion" else "positions"].append(own)
     if not any(kinds.values()):
         raise InputError(
@@ -85,7 +86,8 @@ def sort_data(data: Sequence[Recording | FRF | Observation]) -> Sorted:
     return Sorted(**{kind: tuple(found) for kind, found in kinds.items()}, notes=tuple(notes))
 
 
-def _step(x: np.ndarray) -> float:
+def _step(x: Float[np.ndarray, " n"]) -> float:
+    """Smallest step between two samples of `x`: that of the sensor, where it is coarse."""
     jumps = np.abs(np.diff(x))
     jumps = jumps[jumps > 0.0]
     return float(np.min(jumps)) if jumps.size else 0.0
@@ -95,7 +97,7 @@ def _check(recording: Recording) -> None:
     if recording.x.size < least_samples(recording.sample_rate):
         raise InputError(
             f"`{recording.name}` has {recording.x.size} samples; at {recording.sample_rate:g} Hz "
-            f"{least_samples(recording.sample_rate)} are the least",
+            f"it needs {least_samples(recording.sample_rate)}",
             place="`data`",
             cure="Leave it out, or record longer.",
         )

@@ -1,1 +1,1 @@
-"""Descent: the ways down an objective."""
+"""Descent: an objective brought to its minimum, from any start and from near by."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.estimation.descent.stepper import Ending, Stepper
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
@@ -26,7 +26,7 @@ def small_residuals(near: Quadratic) -> tuple[Float[Array, " q1"], Float[Array, 
     """Residuals f, shape `(q + 1,)`, and a Jacobian A, shape `(q + 1, q)`, of the cost `near` a vector: f'f twice the
     cost, A'f the gradient, A'A the matrix.
 
-    A least-squares solver sees no more of a problem than these products, so a dozen numbers may stand for 100 000, and
+    A least-squares solver uses nothing of a problem but these products, so a dozen residuals may stand for 100 000, and
     for a robust loss too: nothing that is as long as a recording has to be stored, stacked or factored.
     """
     factor = jnp.linalg.cholesky(near.hessian)
@@ -39,12 +39,14 @@ def small_residuals(near: Quadratic) -> tuple[Float[Array, " q1"], Float[Array, 
 
 
 @eqx.filter_custom_jvp
-def _residual(point, objective):
+def _residual(point: Float[Array, " q"], objective: AbstractObjective) -> Float[Array, " q1"]:
     return small_residuals(objective.quadratic(point))[0]
 
 
 @_residual.def_jvp
-def _residual_jvp(primals, tangents):
+def _residual_jvp(
+    primals: tuple[Float[Array, " q"], AbstractObjective], tangents: tuple[Float[Array, " q"], Any]
+) -> tuple[Float[Array, " q1"], Float[Array, " q1"]]:
     # The Jacobian is made once, dense, in forward mode. Left to itself `linearize` would store the whole scan and
     # walk through it again for every column: four times slower on long records.
     point, objective = primals
@@ -67,7 +69,7 @@ class Descent(NamedTuple):
 def equal_curvature(objective: AbstractObjective, vector: Float[Array, " q"]) -> Float[Array, " q"]:
     """Units in which the Gauss-Newton matrix of `objective` at `vector` has the same diagonal, shape `(q,)`."""
     curvature = jnp.diag(objective.quadratic(vector).hessian)
-    # A run that overflows says nothing of the curvature: its coordinates keep their own unit.
+    # A run that overflows has no curvature: its coordinates keep their own unit.
     return jnp.where(curvature > 0.0, STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), 1.0)
 
 
@@ -83,14 +85,20 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
     class Steps(optx.AbstractDescent):
         """Steps of `stepper`; for the search, the size of a step is the inverse of its damping."""
 
-        def init(self, y, f_info_struct):
+        def init(
+            self, y: Float[Array, " q"], f_info_struct: Any
+        ) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
             return jnp.zeros((y.size, y.size)), jnp.zeros_like(y)
 
-        def query(self, y, f_info, state):
+        def query(
+            self, y: Float[Array, " q"], f_info: Any, state: Any
+        ) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
             jacobian = f_info.jac.as_matrix()
             return jacobian.T @ jacobian, jacobian.T @ f_info.residual
 
-        def step(self, step_size, state):
+        def step(
+            self, step_size: Float[Array, ""], state: tuple[Float[Array, "q q"], Float[Array, " q"]]
+        ) -> tuple[Float[Array, " q"], Any]:
             step = stepper.step(*state, 1.0 / step_size)
             sound = jnp.all(jnp.isfinite(step))
             return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
@@ -98,10 +106,18 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
     class Damping(optx.AbstractSearch):
         """The damping of `stepper`: a step is accepted where it lowers the cost."""
 
-        def init(self, y, f_info_struct):
+        def init(self, y: Float[Array, " q"], f_info_struct: Any) -> Float[Array, ""]:
             return jnp.asarray(stepper.damping)
 
-        def step(self, first_step, y, y_eval, f_info, f_eval_info, state):
+        def step(
+            self,
+            first_step: Bool[Array, ""],
+            y: Float[Array, " q"],
+            y_eval: Float[Array, " q"],
+            f_info: Any,
+            f_eval_info: Any,
+            state: Float[Array, ""],
+        ) -> tuple[Float[Array, ""], Bool[Array, ""], Any, Float[Array, ""]]:
             step, residual = y_eval - y, f_info.residual
             after = f_info.jac.mv(step) + residual
             predicted = 0.5 * (after @ after - residual @ residual)
@@ -126,7 +142,7 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
 
 
 def _silent(**_: object) -> None:
-    """Optimistix tells of every step; nobody listens."""
+    """No output: optimistix reports every step."""
 
 
 def _ending(result: Any) -> Int[Array, ""]:

@@ -20,7 +20,7 @@ from frictionjax.estimation.descent.round import (
     State,
     judged,
     one_round,
-    weighed,
+    with_likeliest_noise,
     with_unit,
 )
 from frictionjax.estimation.descent.stepper import Ending
@@ -33,9 +33,10 @@ _AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
 _LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
 _AROUND = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
 # A recording that needs so many times the least unmeasured force may have a wrong model.
-_APART, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is negligible
-_LESS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # unmeasured force over Coulomb friction, in turn, to find out
-_FAR = 60  # steps along a curved valley, where no noise has to be found on the way
+_MUCH_MORE, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is negligible
+# Unmeasured force over Coulomb friction, in turn, to find out.
+_LOWER_LEVELS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+_MANY_STEPS = 60  # of Levenberg-Marquardt at one noise level
 _SHORTER = 4.0  # times shorter units, and so sixteen times the damping, after a round whose steps all fail
 
 
@@ -50,7 +51,7 @@ class Refined(eqx.Module):
 
     @property
     def posterior(self) -> Posterior:
-        """With the evidence as weighed at last."""
+        """With the noise levels of the best round."""
         return self.state.posterior
 
     @property
@@ -79,9 +80,9 @@ class Refined(eqx.Module):
         return list(Ending)[int(self.state.ending)]
 
     @property
-    def apart(self) -> bool:
+    def inconsistent(self) -> bool:
         """Of a single fit: whether one recording needs far more unmeasured force than another."""
-        return bool(_apart(self.state, np.asarray(self.posterior.drive_of(self.vector).friction.Fc)))
+        return bool(_inconsistent(self.state, np.asarray(self.posterior.drive_of(self.vector).friction.Fc)))
 
 
 class AbstractRounds(eqx.Module):
@@ -203,7 +204,9 @@ def _entered(
     state: State, ratios: Float[np.ndarray, "d r k"], known: Bool[np.ndarray, " r"], substeps: int
 ) -> State:
     """The states with noise and unit, as every later round leaves them: one program for all of these."""
-    return jax.vmap(lambda own, some: with_unit(weighed(own, some, known, substeps)))(state, ratios)
+    return jax.vmap(lambda own, some: with_unit(with_likeliest_noise(own, some, known, substeps)))(
+        state, ratios
+    )
 
 
 @eqx.filter_jit
@@ -240,18 +243,18 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
         first = rounds.round(state, _of_friction(rounds, state, _AT_FIRST))
     elif any(isinstance(one, Forces) for one in state.posterior.evidence):
         for _ in range(2):
-            first = _far_down(weighed(first, None, rounds.known, rounds.substeps))
+            first = _far_down(with_likeliest_noise(first, None, rounds.known, rounds.substeps))
     found = _to_the_minimum(rounds, first, _LIKELY)
-    apart = _apart(found.state, rounds.coulomb(found.state))
-    if np.any(apart):
-        # Parameters that only one recording determines may be far off and look like an unmeasured force there. Allowed
-        # less and less of it, all alike, the recordings must follow the model; the likelihood judges which holds.
+    inconsistent = _inconsistent(found.state, rounds.coulomb(found.state))
+    if np.any(inconsistent):
+        # Parameters that only one recording determines may be far off, with an unmeasured force in their place. With
+        # less and less of it, the same in all recordings, the model must explain them; the likelihood decides.
         present = state
-        for part in _LESS:
+        for part in _LOWER_LEVELS:
             present = rounds.round(present, _of_friction(rounds, present, np.full(_AROUND.size, part)))
         again = _to_the_minimum(rounds, present, _AROUND)
         better = again.progress.least < found.progress.least - SAME_COST
-        found = rounds.where(better & apart, again, found)
+        found = rounds.where(better & inconsistent, again, found)
     return found
 
 
@@ -269,12 +272,12 @@ def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarra
         around = number > 0 or parts is _AROUND
         ratios = _around(state) if around else _of_friction(rounds, state, parts)
         after = rounds.round(state, ratios)
-        news, failed, better = rounds.judged(progress, state, after)
-        onward = rounds.where(failed, _shorter(after), after)
+        updated, failed, better = rounds.judged(progress, state, after)
+        following = rounds.where(failed, _shorter(after), after)
         if number == 0:
-            state, best, progress = onward, after, news
+            state, best, progress = following, after, updated
         else:
-            now = (onward, rounds.where(better, after, best), news)
+            now = (following, rounds.where(better, after, best), updated)
             state, best, progress = rounds.where(progress.ended, (state, best, progress), now)
         if np.all(progress.ended):
             break
@@ -302,21 +305,21 @@ def _of_friction(
     return None
 
 
-def _apart(state: State, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarray, "*d"]:
+def _inconsistent(state: State, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarray, "*d"]:
     """Whether one recording needs an unmeasured force far above that of another, and above what is usual at Coulomb
     friction `level`: its part of the model may be wrong."""
     if state.noise is None:
         return np.zeros(level.shape, dtype=bool)
     push = np.asarray(state.noise.push)
-    return np.asarray(np.max(push, axis=-1) > _APART * np.maximum(np.min(push, axis=-1), _USUAL * level))
+    return np.asarray(np.max(push, axis=-1) > _MUCH_MORE * np.maximum(np.min(push, axis=-1), _USUAL * level))
 
 
 def _far_down(state: State) -> State:
-    """Many damped steps down, and ranges about where they lead: the robust cost may have left a parameter that hardly
-    shows beside the forgiving noise at an end of its range."""
+    """Many damped steps, and ranges about where they end: with the large noise of the first descent a parameter that is
+    poorly determined may be at an end of its range."""
     posterior = state.posterior
     unit = equal_curvature(posterior, state.vector)
-    end = levenberg_marquardt(posterior, state.vector, unit, _FAR, tolerance=NEAR_TOLERANCE)
+    end = levenberg_marquardt(posterior, state.vector, unit, _MANY_STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     own = eqx.tree_at(lambda p: p.start, posterior, vector)
     return State(own, vector, state.noise, None, state.cost, state.ending)

@@ -129,7 +129,15 @@ def _near(
     """Values of the parameters and their slopes by the vector, matrix of the cost, gradients and curvatures of its
     clusters, of each of `states`."""
 
-    def one(state: State):
+    def one(
+        state: State,
+    ) -> tuple[
+        Float[Array, " p"],
+        Float[Array, "p q"],
+        Float[Array, "q q"],
+        Float[Array, "c q"],
+        Float[Array, "r m k k"],
+    ]:
         there, vector = state.posterior, state.vector
         evaluations = there.evaluate(vector)
         near = there.assembled(evaluations, vector)

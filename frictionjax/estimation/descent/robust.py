@@ -18,7 +18,7 @@ from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
 from frictionjax.estimation.objective.robust import graduated
 
 _GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the scale of the loss, in turn
-_LEVEL = 0.95  # quantile of the block powers below which all count alike
+_LEVEL = 0.95  # quantile of the block powers that is the scale of the loss: blocks below it count as in least squares
 _STEPPER = Stepper()
 
 
@@ -43,7 +43,7 @@ class Fitted(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """Where a descent is, and what was evaluated there."""
+    """A vector, and what was evaluated there."""
 
     vector: Float[Array, " q"]
     evaluations: tuple[Evaluation, ...]
@@ -64,7 +64,7 @@ def descend(
     - `posterior`, `vector`: what to fit, and where to start.
     - `graduate`: whether to begin with large scales of the loss.
     - `steps`: at most this many with the scale at the noise.
-    - `tolerance`: the descent is at rest when two steps in a row take less than this part off the misfit, or off
+    - `tolerance`: the descent has converged when two steps in a row take less than this part off the misfit, or off
         one nat where that is less (or 1e-5).
     """
     point = _point(posterior, vector)
@@ -79,13 +79,13 @@ def descend(
 
 
 def level_out(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " q"]:
-    """From `vector` down the cost in which all but the largest blocks count alike, whatever their power.
+    """Bring down, from `vector`, a nearly quadratic cost: only the largest blocks are weighed down.
 
-    The robust cost gives up what it cannot explain: with friction that differs by direction it may explain one of them
-    to the noise and ignore the other. From there no small step leads on; from where both are missed alike one does.
+    The robust cost ignores what it cannot explain: with friction that differs by direction it may fit one direction to
+    the noise and ignore the other. No small step leads away from there; one does from where both misfit equally.
     """
     point = _point(posterior, vector)
-    for _ in range(2):  # the scale of the blocks that the new place leaves
+    for _ in range(2):  # the second with the scale of the blocks at the new vector
         point, _, _ = _steps(graduated(posterior, _scale(posterior, point, _LEVEL)), point, 8, 0.01)
     return point.vector
 
@@ -120,17 +120,17 @@ def _steps(
         near_there = posterior.assembled(there.evaluations, there.vector)
         cost, new = float(near.cost), float(near_there.cost)
         # Half a nat of the cost is one of the misfit.
-        next_to_nothing = _next_to_nothing(0.5 * (cost - least) / samples, tolerance)
+        negligible = _negligible(0.5 * (cost - least) / samples, tolerance)
         accepted, damping = _STEPPER.judged(damping, new - cost)
         if accepted:
             gained = 0.5 * (cost - new) / samples
             point, near = there, near_there
-            small = small + 1 if gained < next_to_nothing else 0
+            small = small + 1 if gained < negligible else 0
             if small >= 2:
                 return point, near, Ending.AT_REST
         elif damping > _STEPPER.most:
-            rests = 0.5 * _promised(near) / samples < next_to_nothing
-            return point, near, Ending.AT_REST if rests else Ending.NO_STEP
+            converged = 0.5 * _predicted(near) / samples < negligible
+            return point, near, Ending.AT_REST if converged else Ending.NO_STEP
     return point, near, Ending.STEPS
 
 
@@ -138,7 +138,7 @@ def _step(
     posterior: Posterior, vector: Float[np.ndarray, " q"], near: Quadratic, damping: float
 ) -> Float[np.ndarray, " q"]:
     """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
-    # A strength, whose unit is only where it begins to show, may at least double.
+    # The unit of a strength is only where its effect becomes visible: it may at least double.
     longest = np.full(vector.size, _STEPPER.longest)
     strengths = [i for i, free in enumerate(posterior.layout) if free.parameter.transform == "linear"]
     longest[strengths] = np.maximum(_STEPPER.longest, np.abs(vector[strengths]))
@@ -154,13 +154,13 @@ def _cost_at_scale(posterior: Posterior) -> tuple[float, float]:
     return least, float(np.sum(fitted * count))
 
 
-def _next_to_nothing(misfit: float, tolerance: float) -> float:
-    """Gain per sample that is next to nothing. The cost is a logarithm: far from the noise, too, a nat is a factor e in
-    the errors."""
+def _negligible(misfit: float, tolerance: float) -> float:
+    """Gain per sample that is negligible. The cost is a logarithm: far from the noise, too, a nat is a factor e in the
+    errors."""
     return max(1e-5, tolerance * min(misfit, 1.0))
 
 
-def _promised(near: Quadratic) -> float:
-    """What the undamped step would take off the cost, were it its parabola: g' H^-1 g / 2."""
+def _predicted(near: Quadratic) -> float:
+    """Reduction of the cost that the undamped step predicts: g' H^-1 g / 2."""
     gradient = np.asarray(near.gradient)
     return 0.5 * float(gradient @ np.linalg.lstsq(np.asarray(near.hessian), gradient, rcond=1e-12)[0])

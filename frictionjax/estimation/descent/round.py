@@ -34,24 +34,24 @@ NEAR_UNITS = 6.0
 """Times the units of the solver: so near the minimum next to no damping is needed."""
 NEAR_TOLERANCE = 0.05
 """Of a unit: steps converge quadratically near the minimum, and the last one leaves far less."""
-_WORSE = 3  # rounds that cost more than the one before, until the descent is given up
+_MOST_WORSE = 3  # rounds that cost more than the one before, until the descent is given up
 
 
 class State(eqx.Module):
-    """Where a fit is between two rounds.
+    """Where a fit is between two rounds, or many side by side (arrays then have a leading axis).
 
-    **Attributes:** `posterior` (with the evidence as last weighed), `vector`, shape `(q,)`; `noise` of the recordings
-    of position (None without any, or before the first round); `unit` of the solver, shape `(q,)` (None before the
-    first round); `cost`: minus the log-posterior, noise included, where the
-    last round's steps ended; `ending`: why they did (`Ending.number`).
+    **Attributes:** `posterior` (with the noise levels of the last round), `vector`, shape `(q,)`; `noise` of the
+    recordings of position (None without any, or before the first round); `unit` of the solver, shape `(q,)` (None
+    before the first round); `cost`: minus the log-posterior, noise included, where the last round's steps ended;
+    `ending`: why they did (`Ending.number`).
     """
 
     posterior: Posterior
-    vector: Float[Array, " q"]
+    vector: Float[Array, "*d q"]
     noise: Noise | None
-    unit: Float[Array, " q"] | None
-    cost: Float[Array, ""]
-    ending: Int[Array, ""]
+    unit: Float[Array, "*d q"] | None
+    cost: Float[Array, "*d"]
+    ending: Int[Array, "*d"]
 
 
 class Progress(eqx.Module):
@@ -63,28 +63,28 @@ class Progress(eqx.Module):
     whether they have `ended`.
     """
 
-    rounds: Int[Array, ""]
-    last: Float[Array, ""]
-    least: Float[Array, ""]
-    worse: Int[Array, ""]
-    retried: Bool[Array, ""]
-    moved: Float[Array, ""]
-    converged: Bool[Array, ""]
-    ended: Bool[Array, ""]
+    rounds: Int[Array, "*d"]
+    last: Float[Array, "*d"]
+    least: Float[Array, "*d"]
+    worse: Int[Array, "*d"]
+    retried: Bool[Array, "*d"]
+    moved: Float[Array, "*d"]
+    converged: Bool[Array, "*d"]
+    ended: Bool[Array, "*d"]
 
 
-def weighed(
+def with_likeliest_noise(
     state: State,
     ratios: Float[Array | np.ndarray, "r k"] | None,
     known: Bool[Array | np.ndarray, " r"],
     substeps: int,
     search: Callable = filtered,
 ) -> State:
-    """The same place, with every noise as likely as can be there.
+    """The same vector, with the likeliest noise of every recording.
 
     **Arguments:**
 
-    - `state`: the place.
+    - `state`: where the fit is.
     - `ratios`: candidates for the ratio of unmeasured force to position noise, shape `(r, k)`; None without recordings
         of position.
     - `known`: recordings of position whose noise is given, shape `(r,)`.
@@ -121,9 +121,9 @@ def one_round(
     substeps: int,
     search: Callable = filtered,
 ) -> State:
-    """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in `weighed`.
-    Works inside transformations."""
-    there = with_unit(weighed(state, ratios, known, substeps, search))
+    """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in
+    `with_likeliest_noise`. Works inside transformations."""
+    there = with_unit(with_likeliest_noise(state, ratios, known, substeps, search))
     posterior = there.posterior
     end = levenberg_marquardt(posterior, there.vector, there.unit, _STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
@@ -138,7 +138,7 @@ def judged(
     """The stopping rule: the progress after the round from `before` to `after`, whether its steps have all failed, and
     whether it is the likeliest so far. Works inside transformations."""
     cost, last = after.cost, progress.last
-    # Every step failed: at the minimum, or where the valley bends too much for next to no damping.
+    # Every step failed: at the minimum, or where the cost is too curved for next to no damping.
     failed = jnp.all(after.vector == before.vector) & ~progress.retried & (progress.rounds < ROUNDS - 1)
     better = ~failed & (cost < progress.least)
     far = jnp.max(jnp.abs(after.vector - before.vector) * STRIDE * NEAR_UNITS / after.unit)
@@ -158,6 +158,6 @@ def judged(
         retried=failed | (progress.retried & ~better),
         moved=far,
         converged=converged,
-        ended=converged | (worse > _WORSE) | (rounds >= ROUNDS),
+        ended=converged | (worse > _MOST_WORSE) | (rounds >= ROUNDS),
     )
     return now, failed, better

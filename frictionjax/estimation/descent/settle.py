@@ -1,4 +1,4 @@
-"""The first descent of a fit, from any start: robust Levenberg-Marquardt on forgiving evidence, many side by side."""
+"""The first descent of a fit, from any start: robust Levenberg-Marquardt on a fixed-gain observer, side by side."""
 
 from collections.abc import Callable
 
@@ -113,7 +113,7 @@ def settle(
 
     **Arguments:**
 
-    - `posterior`: forgiving evidence (`Observed`); its own loss is not used. One for all `vectors`; or, with `each`,
+    - `posterior`: of `Observed` positions; its own loss is not used. One for all `vectors`; or, with `each`,
         one for each of them, leaves of shape `(k, ...)`.
     - `vectors`: starts, shape `(k, q)`.
 

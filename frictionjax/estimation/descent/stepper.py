@@ -58,7 +58,7 @@ class Stepper(eqx.Module):
         self,
         hessian: Float[Array | np.ndarray, "q q"],
         gradient: Float[Array | np.ndarray, " q"],
-        damping: Float[Array, ""] | float,
+        damping: Float[Array | np.ndarray, ""] | float,
         longest: Float[np.ndarray, " q"] | float | None = None,
     ) -> Float[Array | np.ndarray, " q"]:
         """The step from a place where the cost has this `gradient` and Gauss-Newton `hessian`.
@@ -79,9 +79,9 @@ class Stepper(eqx.Module):
 
     def judged(
         self,
-        damping: Float[Array, ""] | float,
-        change: Float[Array, ""] | float,
-        predicted: Float[Array, ""] | float = 0.0,
+        damping: Float[Array | np.ndarray, ""] | float,
+        change: Float[Array | np.ndarray, ""] | float,
+        predicted: Float[Array | np.ndarray, ""] | float = 0.0,
     ) -> tuple[Bool[Array | np.ndarray, ""] | bool | np.bool, Float[Array | np.ndarray, ""]]:
         """Whether a step is accepted, and the damping of the next one.
 

@@ -1,4 +1,4 @@
-"""Evidence: what was measured, as errors of a drive over their standard deviations. One kind of data a class."""
+"""Evidence: data, as prediction errors of a drive over their standard deviations. One kind of data a class."""
 
 from abc import abstractmethod
 
@@ -45,7 +45,7 @@ class AbstractMeasurement(AbstractEvidence):
 
 
 class AbstractRecordings(AbstractEvidence):
-    """Recordings side by side, with a noise that is known beforehand: what a diagnosis fits, tests and judges with.
+    """Recordings side by side with a known noise level: what a diagnosis fits and tests.
 
     **Attributes:** `batch`.
     """
@@ -108,4 +108,4 @@ class AbstractRecordings(AbstractEvidence):
 
     @abstractmethod
     def without_model(self) -> Float[Array, "rows n"]:
-        """Standardised errors of no model: what any model has to explain, shape `(rows, n)`."""
+        """Standardised errors of a trivial model: what any model has to explain, shape `(rows, n)`."""

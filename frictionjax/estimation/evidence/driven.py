@@ -1,4 +1,4 @@
-"""Positions of a driven machine seen by the fixed-gain observer: forgiving evidence, for the way from a bad start."""
+"""Positions of a driven machine: innovations of a fixed-gain observer, which tolerates a model that is far off."""
 
 import dataclasses
 
@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import Before
 from frictionjax.simulation import Gains, innovation_gain, innovations, observer_gains
 from frictionjax.simulation.lanes import innovations_side_by_side
 
@@ -19,7 +20,7 @@ may change an innovation, if its derivative is to mean anything."""
 
 
 class Observed(AbstractRecordings):
-    """Recordings of position side by side, and the gains of their observer.
+    """Recordings of position side by side, and the gains of the observer that predicts them.
 
     **Attributes:** `batch`, `gains` (shape `(r,)`).
     """
@@ -34,7 +35,13 @@ class Observed(AbstractRecordings):
         under the sensor's noise alone; with `finer` times the integration steps a sample."""
         batch, substeps = self.batch, finer * self.batch.substeps
 
-        def one(u, x, dt, gains, start):
+        def one(
+            u: Float[Array, " n"],
+            x: Float[Array, " n"],
+            dt: Float[Array, ""],
+            gains: Gains,
+            start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
+        ) -> Float[Array, " n"]:
             return innovations(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=substeps)
 
         raw = batch.each(one, self.gains, z0 * drive.friction.Fs / drive.friction.sigma0)
@@ -56,8 +63,8 @@ class Observed(AbstractRecordings):
 
     @property
     def largest_derivative(self) -> Float[Array, " rows"]:
-        """Some times the largest innovation without a model: no parameter can do more than make the whole motion
-        another."""
+        """So many times the largest innovation without a model: no parameter can do more than replace the whole motion
+        by another."""
         return jnp.asarray(_EXPLODED * np.max(np.abs(np.asarray(self.without_model())), axis=1))
 
     def without_model(self) -> Float[Array, "rows n"]:

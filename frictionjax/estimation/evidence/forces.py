@@ -12,9 +12,9 @@ from frictionjax.recordings import Recording
 from frictionjax.simulation.imposed import imposed_friction
 
 _BLOCK = 0.05  # s
-# Part of the force's standard deviation that the first noise is at least: no model of friction comes nearer to a
-# machine, and with a sensor's noise far below it the way down would follow the few blocks that fit best.
-_FORGIVING = 0.01
+# Part of the force's standard deviation that the first noise level is at least: no model of friction comes nearer to a
+# machine, and with a sensor's noise far below it the descent would follow the few blocks that fit best.
+_FIRST_NOISE = 0.01
 _LEAST = 1e-9  # of the force's standard deviation: less noise is rounding
 
 
@@ -55,7 +55,7 @@ class Forces(AbstractMeasurement):
         """Modelled less measured force of `drive` over its noise, shape `(b, n)`; `z0` over Fs/sigma0."""
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
-        def one(x, dt, z):
+        def one(x: Float[Array, " n"], dt: Float[Array, ""], z: Float[Array, ""]) -> Float[Array, " n"]:
             return imposed_friction(drive, x, dt, z, substeps=self.substeps)
 
         raw = jax.vmap(one)(self.x, self.dt, deflection) - self.force
@@ -85,13 +85,13 @@ def make_forces(recordings: tuple[Recording, ...], known: tuple[float | None, ..
     longest = max(r.x.size for r in recordings)
     padded = -(-longest // block) * block
 
-    def side_by_side(channels):
+    def side_by_side(channels: list[Float[np.ndarray, "..."]]) -> Float[Array, "r n"]:
         return jnp.asarray(np.stack([np.pad(c, (0, padded - c.size), mode="edge") for c in channels]))
 
     forces = [np.asarray(r.force) for r in recordings]
     lengths = np.array([r.x.size for r in recordings])
     noise = [
-        max(float(np.std(np.diff(f, 4))) / np.sqrt(70.0), _FORGIVING * float(np.std(f)), 1e-300)
+        max(float(np.std(np.diff(f, 4))) / np.sqrt(70.0), _FIRST_NOISE * float(np.std(f)), 1e-300)
         for f in forces
     ]
     given = [np.nan if level is None else level for level in known or (None,) * len(forces)]

@@ -1,4 +1,4 @@
-"""Friction forces under an imposed motion, before a given noise: evidence of the diagnosis."""
+"""Friction forces under an imposed motion, with a known noise level: evidence of a diagnosis."""
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ from frictionjax.physics import Drive
 
 
 class Imposed(AbstractRecordings):
-    """Recordings of an imposed motion and of the friction force that answers.
+    """Recordings of an imposed motion and of the measured friction force.
 
     **Attributes:** `batch`.
     """
@@ -37,11 +37,11 @@ class Imposed(AbstractRecordings):
 
     @property
     def largest_derivative(self) -> Float[Array, " rows"]:
-        """Infinite: the motion is what it is, whatever the model."""
+        """Infinite: the motion does not depend on the model."""
         return jnp.full(self.batch.dt.shape, jnp.inf)
 
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Imposed":
-        """The same: no input acts on an imposed motion, whatever `more` there is."""
+        """The same: no input acts on an imposed motion, so that `more` of it changes nothing."""
         return self
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.evidence.base import AbstractMeasurement
@@ -20,8 +20,8 @@ _WIDE = 3.0  # times the standard deviation of that reading: nearly no prior, so
 class Positions(AbstractMeasurement):
     """Recordings of position side by side, and the gains and standard deviations of their prediction errors.
 
-    The gains are numbers, found beforehand (`with_noise`) and not differentiated: what they depend on the parameters
-    meets errors of mean zero.
+    The gains are computed beforehand (`filtered`) and not differentiated: their dependence on the parameters multiplies
+    innovations of mean zero.
 
     **Attributes:** `batch`; `gain`, shape `(r, n, m)`; `deviation` of the prediction errors, position units, shape
     `(r, n)`; `substeps` per sample.
@@ -52,7 +52,15 @@ class Positions(AbstractMeasurement):
         batch = self.batch
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
-        def one(u, x, dt, x0, v0, z, gain):
+        def one(
+            u: Float[Array, " n"],
+            x: Float[Array, " n"],
+            dt: Float[Array, ""],
+            x0: Float[Array, ""],
+            v0: Float[Array, ""],
+            z: Float[Array, ""],
+            gain: Float[Array, "n m"],
+        ) -> Float[Array, " n"]:
             force = drive.applied_force(u, dt)
             return predicted_with(drive, force, x, dt, gain, (x0, v0, z), substeps=self.substeps)
 
@@ -61,12 +69,20 @@ class Positions(AbstractMeasurement):
 
     def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Positions":
         """The recordings made again on `drive` from `z0` with the same input: innovations drawn with `key` stand for
-        sensor and unmeasured force alike, and the filter's gains carry them on, as in the model of the filter."""
+        sensor noise and unmeasured force, and the gains of the filter propagate them, as in its model."""
         batch = self.batch
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
         drawn = self.deviation * jax.random.normal(key, batch.x.shape)
 
-        def one(u, dt, x0, v0, z, gain, innovation):
+        def one(
+            u: Float[Array, " n"],
+            dt: Float[Array, ""],
+            x0: Float[Array, ""],
+            v0: Float[Array, ""],
+            z: Float[Array, ""],
+            gain: Float[Array, "n m"],
+            innovation: Float[Array, " n"],
+        ) -> Float[Array, " n"]:
             force = drive.applied_force(u, dt)
             return driven_by(drive, force, innovation, dt, gain, (x0, v0, z), substeps=self.substeps)
 
@@ -75,25 +91,25 @@ class Positions(AbstractMeasurement):
 
 
 class Noise(eqx.Module):
-    """What stands between a recording and its model.
+    """The two noises of each recording.
 
-    **Attributes:** `position`: standard deviation of the measured position; `push`: of the unmeasured force, held over
-    each sample; shape `(r,)`, position and force units. `best`: the ratio of the two where the likelihood, between
-    those that were tried, would have its top, shape `(r,)`.
+    **Attributes:** `position`: standard deviation of the measured position, position units; `push`: of the unmeasured
+    force (all that acts on the machine and is neither the input nor in the model), constant over each sample, force
+    units; `best`: the likeliest ratio of the two, interpolated between those that were tried; shape `(r,)` each.
     """
 
-    position: Float[Array, " r"]
-    push: Float[Array, " r"]
-    best: Float[Array, " r"]
+    position: Float[Array | np.ndarray, "*d r"]
+    push: Float[Array | np.ndarray, "*d r"]
+    best: Float[Array | np.ndarray, "*d r"]
 
 
 def scored_from_the_start(batch: Batch) -> Batch:
-    """The same `batch` with every sample scored: a filter knows how little it knows at first."""
+    """The same `batch` with every sample scored: the variance of a Kalman filter covers its start."""
     inside = np.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
     return eqx.tree_at(lambda b: b.valid, batch, jnp.asarray(inside, dtype=float))
 
 
-def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Float[Array, ""]) -> Float[Array, ""]:
+def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Int[Array, ""]) -> Float[Array, ""]:
     """Ratio at the vertex of the parabola (over its logarithm) through the `best` candidate and its neighbours."""
     middle = jnp.clip(best, 1, ratios.shape[0] - 2)
     places = middle + jnp.array([-1, 0, 1])
@@ -122,7 +138,7 @@ def filtered(
 ) -> tuple[Positions, Noise]:
     """Gains of the likeliest of k ratios of unmeasured force to position noise, for each recording on its own.
 
-    For a given ratio the likelihood says the size of both: s^2 = mean of e^2/S, cost = n log s + 1/2 sum of log S.
+    For a given ratio the likelihood determines both: s^2 = mean of e^2/S, cost = n log s + 1/2 sum of log S.
 
     **Arguments:**
 
@@ -139,7 +155,18 @@ def filtered(
     """
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
-    def one(u, x, dt, noise, x0, v0, z, valid, given, ratios):
+    def one(
+        u: Float[Array, " n"],
+        x: Float[Array, " n"],
+        dt: Float[Array, ""],
+        noise: Float[Array, ""],
+        x0: Float[Array, ""],
+        v0: Float[Array, ""],
+        z: Float[Array, ""],
+        valid: Float[Array, " n"],
+        given: Bool[Array, ""],
+        ratios: Float[Array, " k"],
+    ) -> tuple[Float[Array, "n m"], Float[Array, " n"], Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         force = drive.applied_force(u, dt)
         head = jnp.maximum(_HEAD / dt, 10.0)
         # A machine that is read as moving may as well be setting off: then the reading is a mean over the way.
@@ -147,7 +174,9 @@ def filtered(
         spread = (sure + jnp.abs(v0) * head * dt, sure * jnp.sqrt(12.0) / (head * dt) + jnp.abs(v0))
         samples = jnp.sum(valid)
 
-        def lane(quotient):
+        def lane(
+            quotient: Float[Array, ""],
+        ) -> tuple[Float[Array, "n m"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]]:
             found = kalman_filter(
                 drive, force, x, dt, noise, quotient * noise, (x0, v0, z), spread, substeps=substeps
             )
@@ -195,7 +224,7 @@ def filtered_on_all(
         return filtered(drive, z0, batch, ratio, known, substeps)
     shares = np.array_split(np.arange(rows), min(rows, len(devices)))
 
-    def run(share, device):
+    def run(share: Int[np.ndarray, " share"], device: jax.Device) -> tuple[Positions, Noise]:
         own = (z0, batch, ratio, known)
         some = jax.tree.map(lambda leaf: np.asarray(leaf)[share], own)
         z, part, ratios, given = jax.device_put(some, device)

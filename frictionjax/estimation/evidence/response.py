@@ -27,7 +27,7 @@ class Response(AbstractMeasurement):
 
     @property
     def rows(self) -> int:
-        """None: a response has no start."""
+        """None: a response has no initial deflection."""
         return 0
 
     @property

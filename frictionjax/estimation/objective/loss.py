@@ -1,4 +1,4 @@
-"""What a misfit costs: one loss a class. A block of samples is judged as one, by its mean square b in noise levels."""
+"""Robust losses, one a class: the cost of a block of samples by its mean square b, in units of the noise power."""
 
 from abc import abstractmethod
 
@@ -36,7 +36,7 @@ class Gaussian(AbstractLoss):
 class Cauchy(AbstractLoss):
     """rho = (1 + t^2) log(1 + b/t^2): every block counts by its relative error, and one break-away cannot outvote all.
 
-    **Attributes:** `knee`: t^2, the mean square (in noise levels) from which on a block loses weight.
+    **Attributes:** `knee`: scale of the loss t^2, the mean square (in noise powers) from which on a block loses weight.
     """
 
     knee: Float[Array, ""] = eqx.field(converter=real, default=1.0)
@@ -51,9 +51,9 @@ class Cauchy(AbstractLoss):
 
 
 class Huber(AbstractLoss):
-    """rho = b up to the knee t^2, then 2 t sqrt(b) - t^2: outliers pull with a constant force. Convex.
+    """rho = b up to the scale t^2, then 2 t sqrt(b) - t^2: the influence of an outlier is constant. Convex.
 
-    **Attributes:** `knee`: t^2, the mean square (in noise levels) up to which squares count fully.
+    **Attributes:** `knee`: scale of the loss t^2, the mean square (in noise powers) up to which squares count fully.
     """
 
     knee: Float[Array, ""] = eqx.field(converter=real, default=4.0)
@@ -64,5 +64,5 @@ class Huber(AbstractLoss):
         return jnp.where(power < self.knee, power, 2.0 * jnp.sqrt(self.knee * beyond) - self.knee)
 
     def weight(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
-        """1 up to the knee, then t / sqrt(b), for `power` b."""
+        """1 up to the scale t^2, then t / sqrt(b), for `power` b."""
         return jnp.sqrt(self.knee / jnp.maximum(power, self.knee))

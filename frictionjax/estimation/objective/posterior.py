@@ -1,4 +1,4 @@
-"""Everything that a fit weighs: all evidence under one loss, the weak prior, and what is known beforehand.
+"""The objective of a fit: the loss of all evidence, the weak prior, and the priors that a user gives.
 
 One objective for `fit` and `diagnose`. A fit evaluates it inside its compiled descent. A diagnosis evaluates it step by
 step: simulation and products are compiled apart, since the first is long and there is one for each structure, and the
@@ -6,6 +6,7 @@ second is short and the same for all structures with as many parameters.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -36,17 +37,35 @@ LANES = 6
 """Vectors that are simulated side by side. One number everywhere, so that each layout is compiled once."""
 
 
+class _Parts(NamedTuple):
+    """What the cost of all evidence is made of, evidence by evidence: as in `quadratic_of`."""
+
+    evaluations: tuple[Evaluation, ...]
+    counts: tuple[Float[Array, "..."], ...]
+    weights: tuple[Float[Array, "..."], ...]
+    loss: AbstractLoss
+    fitted: tuple[Float[Array, "..."], ...]
+
+
+class _Prior(NamedTuple):
+    """A free vector, the centre of the weak prior and its inverse standard deviations, shape `(q,)` each."""
+
+    vector: Float[Array, " q"]
+    start: Float[Array, " q"]
+    stiffness: Float[Array, " q"]
+
+
 class Posterior(AbstractObjective):
     """Minus the logarithm of the posterior density of the free vector, but for a constant.
 
     The vector has the p free parameters, then the starting deflection (over Fs/sigma0) of each recording, evidence by
-    evidence; q in all. Held-out recordings are predicted in the same run and choose nothing but their own deflection.
+    evidence; q in all. Held-out recordings are predicted in the same run and determine only their own deflections.
 
     **Attributes:** `constraints`, `drive` (structure and fixed parameters), `start` (centre of the admissible range and
     of the weak prior), `prior` (its inverse standard deviations), shape `(q,)`, `evidence`, `weights` (of each
-    evidence's cost, shape `(b,)` each: one for every block), `loss`, `fitted` (for each evidence 1 for the rows that
-    parameters see, 0 for held-out ones, shape `(r,)`), `ceilings` (for each evidence the largest derivative that means
-    anything in each row, shape `(r,)`; None where all count).
+    evidence's cost, shape `(b,)` each: one for every block), `loss`, `fitted` (for each evidence 1 for fitted
+    rows, 0 for held-out ones, shape `(r,)`), `ceilings` (for each evidence the largest derivative that is credible in
+    each row, shape `(r,)`; None where all count).
     """
 
     constraints: Constraints
@@ -54,10 +73,10 @@ class Posterior(AbstractObjective):
     start: Float[Array, " q"]
     prior: Float[Array, " q"]
     evidence: tuple[AbstractEvidence, ...]
-    weights: tuple[Float[Array, " b"], ...]
+    weights: tuple[Float[Array, "..."], ...]
     loss: AbstractLoss
-    fitted: tuple[Float[Array, " r"], ...]
-    ceilings: tuple[Float[Array, " r"] | None, ...]
+    fitted: tuple[Float[Array, "..."], ...]
+    ceilings: tuple[Float[Array, "..."] | None, ...]
 
     @property
     def layout(self) -> tuple[Free, ...]:
@@ -104,15 +123,15 @@ class Posterior(AbstractObjective):
         return vector[place.first : place.first + place.rows]
 
     def within(self, vector: Float[Array, " q"]) -> Float[Array, " q"]:
-        """`vector`, shape `(q,)`, with coordinates beyond an end of their range at that end: further out there is no
-        slope, and none would ever come back."""
+        """`vector`, shape `(q,)`, with coordinates beyond an end of their range at that end: further out the cost is
+        constant, and they would never come back."""
         count = self.parameters
         free = unpack(self.layout, self.drive, vector[:count], self.start[:count])
         return jnp.concatenate([pack(self.layout, free), jnp.clip(vector[count:], -1.0, 1.0)])
 
     def reaching(self, vector: Float[Array, " q"]) -> "Posterior":
-        """The same, but where `vector`, shape `(q,)`, is at an end of a range about the start, it starts there: a
-        descent that began far off may have further to go."""
+        """The same, with the range of a coordinate that is at its end at `vector`, shape `(q,)`, centred there: a
+        descent from a bad start may have further to go. Works inside transformations."""
         count = self.parameters
         ends = touching(self.layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
         ends = jnp.pad(jnp.asarray(ends), (0, vector.shape[0] - count))
@@ -142,18 +161,18 @@ class Posterior(AbstractObjective):
         return tuple(found)
 
     def sound_blocks(self, index: int, columns: Float[Array, "k r n"]) -> Bool[Array, "r b"]:
-        """The blocks of evidence number `index` in which derivatives, the `columns`, mean something.
+        """The blocks of evidence number `index` in which derivatives, the `columns`, are credible.
 
         A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow
-        without end and say nothing of a finite step, and one such block would outvote all others. No parameter can do
-        more to the motion than to make the whole of it another: beyond the ceiling a block is not sound. A starting
-        deflection can: all that it might be is far more than a machine in stick moves.
+        without bound and do not predict the effect of a finite step, and one such block would outvote all others. No
+        parameter can do more than replace the whole motion by another: beyond the ceiling a block is not sound. A
+        starting deflection can: its range is far more than a machine in stick moves.
         """
         ceiling, rows = self.ceilings[index], columns.shape[1]
         blocks = self.evidence[index].count.shape[0] // rows
         if ceiling is None:
             return jnp.ones((rows, blocks), dtype=bool)
-        # Each by itself: a maximum may pass over what is not a number.
+        # Each by itself: a maximum may skip what is not a number.
         bounded = jnp.all(jnp.abs(columns[: self.parameters]) <= ceiling[None, :, None], axis=0)
         bounded = bounded & (jnp.abs(columns[-1]) < _SQUARED)
         return jnp.all(bounded.reshape(rows, blocks, -1), axis=-1)
@@ -163,7 +182,7 @@ class Posterior(AbstractObjective):
         parts = self._parts(self.evaluate(vector))
         return _total(parts, self.places, self._prior(vector)) + self._beliefs(vector)
 
-    # Step by step, as a diagnosis does: each of these is a compiled call.
+    # Step by step, as in a diagnosis: each of these is a compiled call.
 
     def evaluated(self, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
         """`evaluate`, compiled: one program for each structure."""
@@ -192,15 +211,15 @@ class Posterior(AbstractObjective):
             )
         )
 
-    def _parts(self, evaluations):
+    def _parts(self, evaluations: tuple[Evaluation, ...]) -> "_Parts":
         counts = tuple(one.count for one in self.evidence)
-        return evaluations, counts, self.weights, self.loss, self.fitted
+        return _Parts(evaluations, counts, self.weights, self.loss, self.fitted)
 
-    def _prior(self, vector):
-        return vector, self.start, self.prior
+    def _prior(self, vector: Float[Array, " q"]) -> "_Prior":
+        return _Prior(vector, self.start, self.prior)
 
     def _beliefs(self, vector: Float[Array, " q"]) -> Quadratic:
-        """The cost of what is known beforehand."""
+        """The cost of the priors that a user gives."""
         beliefs, size = self.constraints.beliefs, vector.shape[0]
         if not beliefs:
             return Quadratic(jnp.zeros(()), jnp.zeros(size), jnp.zeros((size, size)))
@@ -229,12 +248,12 @@ class Posterior(AbstractObjective):
         return jnp.repeat(self.weights[0].reshape(batch.x.shape[0], -1), batch.block, axis=1)
 
     def at_bandwidth(self, bandwidth: float) -> "Posterior":
-        """The same, seen by an observer of `bandwidth` Hz."""
+        """The same, through an observer of `bandwidth` Hz."""
         own = self.recordings.at_bandwidth(bandwidth)
         return eqx.tree_at(lambda p: (p.evidence, p.ceilings), self, ((own,), (own.largest_derivative,)))
 
     def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Posterior", Float[Array, " q"]]:
-        """The fitted recordings alone, and what is left of `vector`."""
+        """The posterior of the fitted recordings alone, and its part of `vector`."""
         rows, count = np.flatnonzero(np.asarray(self.fitted[0]) > 0), self.parameters
         kept = np.concatenate([np.arange(count), count + rows])
         evidence, fitted, ceilings = rows_of((self.recordings, self.fitted[0], self.ceilings[0]), rows)
@@ -267,14 +286,14 @@ class Posterior(AbstractObjective):
         return np.array([misfit_of(power, fitted, self.batch) for power in self.powers(vectors)])
 
 
-# XLA's next levels compile for longer, and what they make of this loop is no faster.
+# Higher levels of XLA compile for longer, and the loop is no faster for it.
 @eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
 def _evaluated(posterior: Posterior, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
     return posterior.evaluate(vector)
 
 
 @eqx.filter_jit
-def _assembled(parts, places: tuple[Place, ...], prior) -> Quadratic:
+def _assembled(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic:
     return _total(parts, places, prior)
 
 
@@ -283,19 +302,19 @@ def _beliefs(posterior: Posterior, vector: Float[Array, " q"]) -> Quadratic:
     return posterior._beliefs(vector)
 
 
-def _total(parts, places: tuple[Place, ...], prior) -> Quadratic:
+def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic:
     """The cost of all evidence and of the weak prior."""
     (evaluations, counts, weights, loss, fitted), (vector, start, stiff) = parts, prior
     off, size = (vector - start) * stiff, vector.shape[0]
-    # The starting deflection of a held-out recording is fitted to it, and its cost is no part of the fit's.
-    seen = jnp.concatenate([jnp.ones(size - sum(place.rows for place in places)), *_rows(fitted, places)])
-    total = Quadratic(0.5 * jnp.sum(seen * off**2), off * stiff, jnp.diag(stiff**2))
+    # The starting deflection of a held-out recording is fitted to it, but is no part of the fit's cost.
+    counted = jnp.concatenate([jnp.ones(size - sum(place.rows for place in places)), *_rows(fitted, places)])
+    total = Quadratic(0.5 * jnp.sum(counted * off**2), off * stiff, jnp.diag(stiff**2))
     for one, count, weight, place, rows in zip(evaluations, counts, weights, places, fitted, strict=True):
         total += quadratic_of(one, count, loss, weight, place, rows)
     return total
 
 
-def _rows(fitted, places: tuple[Place, ...]) -> list[Float[Array, " r"]]:
+def _rows(fitted: tuple[Float[Array, "..."], ...], places: tuple[Place, ...]) -> list[Float[Array, "..."]]:
     return [own[: place.rows] for own, place in zip(fitted, places, strict=True)]
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from frictionjax.estimation.data.batch import CLUSTER, rows_of
 from frictionjax.estimation.evidence.power import sum_clusters
@@ -24,8 +24,8 @@ class Quadratic(eqx.Module):
     cost: Float[Array, ""]
     gradient: Float[Array, " q"]
     hessian: Float[Array, "q q"]
-    clusters: tuple[Float[Array, "c q"], ...] = ()
-    powers: tuple[Float[Array, "r b"], ...] = ()
+    clusters: tuple[Float[Array, "_ q"], ...] = ()
+    powers: tuple[Float[Array, "_ _"], ...] = ()
 
     def __add__(self, other: "Quadratic") -> "Quadratic":
         """Both costs together."""
@@ -85,7 +85,7 @@ class Place(NamedTuple):
 
     @property
     def blocks_in_cluster(self) -> int:
-        """Blocks that are summed before they scatter: what is no recording has one number in a block, and no time."""
+        """Blocks in a cluster of the covariance: evidence without recordings has one number in a block, and no time."""
         return CLUSTER if self.rows else 1
 
 
@@ -99,8 +99,8 @@ def quadratic_of(
 ) -> Quadratic:
     """Cost 1/2 sum of `count` rho(mean square) over blocks of standardised errors, with exact gradient.
 
-    The matrix is that of re-weighted least squares: the bend of a robust loss is left out. With it steps are longer,
-    and from starts 30 % off they ran into minima at the ends of the range.
+    The matrix is that of re-weighted least squares: the curvature of a robust loss is left out. With it steps are
+    longer, and from starts 30 % off they ran into minima at the ends of the range.
 
     **Arguments:**
 
@@ -109,7 +109,7 @@ def quadratic_of(
     - `loss`: an `AbstractLoss`.
     - `weight`: how much each block's cost counts, shape `(b,)`.
     - `place`: of its coordinates in the free vector.
-    - `fitted`: 1 for the rows that parameters see, 0 for held-out ones, shape `(r,)`.
+    - `fitted`: 1 for fitted rows, 0 for held-out ones, shape `(r,)`.
     """
     blocks, many = evaluation.power.shape, place.parameters
     scale = _each(loss.weight(evaluation.power) * weight.reshape(blocks), evaluation.block)
@@ -134,7 +134,7 @@ def quadratic_of(
     return Quadratic(0.5 * jnp.sum(fitted * costs), gradient, hessian, (clusters,), (evaluation.power,))
 
 
-def _each(blocks: Array, block: int) -> Array:
+def _each(blocks: Shaped[Array, "r b"], block: int) -> Shaped[Array, "r n"]:
     """A value of each block, shape `(r, b)`, for each of its samples."""
     return jnp.repeat(blocks, block, axis=-1, total_repeat_length=blocks.shape[-1] * block)
 
@@ -142,7 +142,7 @@ def _each(blocks: Array, block: int) -> Array:
 def _weighed(
     evaluation: Evaluation, root: Float[Array, "r n"], place: Place, fitted: Float[Array, " r"]
 ) -> tuple[Float[Array, "p r n"], Float[Array, "r n"]]:
-    """Weighed columns of the parameters, which see the fitted rows only, and that of the starting deflections."""
+    """Weighted columns of the parameters, 0 in held-out rows, and that of the starting deflections."""
     columns = evaluation.sound_columns()
     return columns[: place.parameters] * (root * fitted[:, None])[None], columns[-1] * root
 

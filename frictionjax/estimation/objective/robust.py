@@ -1,9 +1,9 @@
-"""The posterior of a diagnosis: all recordings of a case, those that are held out included, under a robust loss."""
+"""The posterior of a diagnosis: all recordings of a case, held-out ones included, under a robust loss."""
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import AbstractBatch
@@ -16,7 +16,7 @@ from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
-"""Bandwidth of the observer, Hz: the fast one is short-sighted and forgiving, the slow one sees weaker effects."""
+"""Bandwidth of the observer, Hz: the fast one tolerates a model that is far off, the slow one shows weaker effects."""
 
 
 def as_evidence(batch: AbstractBatch, bandwidth: float) -> AbstractRecordings:
@@ -24,22 +24,22 @@ def as_evidence(batch: AbstractBatch, bandwidth: float) -> AbstractRecordings:
     return Imposed(batch) if isinstance(batch, ImposedBatch) else observed(batch, bandwidth)  # type: ignore[arg-type]
 
 
-def make_joint(
+def robust_posterior(
     drive: Drive,
     batch: AbstractBatch,
-    held_out: np.ndarray,
+    held_out: Bool[np.ndarray, " r"],
     *,
     scales: dict[str, float] | None = None,
     known_inertia: bool = False,
 ) -> tuple[Posterior, Float[Array, " q"]]:
-    """All recordings before the structure of `drive`, seen by the fast observer, and the vector of `drive`.
+    """The posterior of the structure of `drive` on all recordings, by the fast observer, and the vector of `drive`.
 
     **Arguments:**
 
     - `drive`: structure and start.
-    - `batch`: the recordings; `held_out` (bool, shape `(r,)`) says which choose nothing.
+    - `batch`: the recordings; `held_out` (bool, shape `(r,)`): those that determine no parameter.
     - `scales`: the plant's own sizes by name, for the effects' scales.
-    - `known_inertia`: keep J; where all motion is imposed it does not act, and is kept in any case.
+    - `known_inertia`: keep J; it is kept in any case where all motion is imposed and it does not act.
     """
     dt, imposed = float(jnp.max(batch.dt)), batch.imposed
     layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
@@ -85,7 +85,7 @@ def extend(
     added = effect_layout(drive, scales, first=len(drive.effects) - 1)
     start = pack(added, drive)
 
-    def insert(values: Array, more: Array) -> Float[Array, " q"]:
+    def insert(values: Float[Array, " q"], more: Float[Array, " p"]) -> Float[Array, " longer"]:
         return jnp.asarray(np.insert(np.asarray(values), old, np.asarray(more)))
 
     extended = Posterior(

@@ -1,4 +1,4 @@
-"""Starting values from the recordings alone: the user guesses nothing.
+"""Starting values from force-driven recordings alone.
 
 FRF and Sanathanan-Koerner on broadband stick recordings give J, stiffness and damping; sliding motion gives J, Fc and
 sigma2; the highest force at low speed gives Fs. Where there is no stick recording several stiffnesses are
@@ -7,6 +7,7 @@ offered, and the fit chooses.
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.estimation.data.batch import noise_level
 from frictionjax.estimation.start.sliding import (
@@ -24,9 +25,9 @@ from frictionjax.recordings import Recording
 class Start(eqx.Module):
     """Where a fit may start.
 
-    **Attributes:** `drives` (alternatives, most credible first), `notes` (sentences: what could not be seen),
-    `presliding_seen` (whether a recording showed the stiffness in stick), `stick_inertia` (that such a recording
-    showed; None where none did).
+    **Attributes:** `drives` (alternatives, most credible first), `notes` (sentences: what the recordings do not
+    determine), `presliding_seen` (whether a recording determines the stiffness in stick), `stick_inertia` (from such a
+    recording; None without one).
     """
 
     drives: tuple[Drive, ...]
@@ -55,7 +56,7 @@ def starting_values(
         motions = tuple(smooth_motion(r, motor_constant, seconds) for r in recordings)
         sliding = fit_sliding(motions, inertia=inertia)
         if not sliding.credible:
-            # A machine that hangs on a spring, or is a pendulum: what that takes must not be taken for inertia.
+            # A machine on a spring, or a pendulum: its restoring force must not be taken for inertia.
             hanging = fit_sliding(motions, inertia=inertia, spring=True)
             if hanging.credible and hanging.unexplained < _CLEARER * sliding.unexplained:
                 sliding = hanging
@@ -75,7 +76,7 @@ def starting_values(
     still = stick is not None and not _slides(recordings, motions, stick)
     if still and not (sliding.credible and sliding.unexplained < _EXPLAINED):
         notes.append(
-            "No recording slides: friction is bounded from below only, and its velocity dependence unseen."
+            "No recording slides: friction is bounded from below only, and its velocity dependence is unknown."
         )
         return Start(held, tuple(notes), True, stick_inertia)
     # Vibration in stick may pass for sliding, with another inertia and next to no friction; and noise that drives the
@@ -105,8 +106,8 @@ def starting_values(
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
     else:
         notes.append(
-            "No broadband recording in stick: bristle stiffness and damping show only at reversals, "
-            "and are barely visible."
+            "No broadband recording in stick: bristle stiffness and damping act only at reversals, "
+            "and are poorly determined."
         )
         stroke = max(float(np.ptp(m.x)) for m in motions)
         within = max(_from_rest(recording) for recording in recordings)
@@ -118,11 +119,11 @@ def starting_values(
 
 
 _CLEARER = 0.7
-"""Part of what is left unexplained that must be left with a spring, for a spring to be believed in."""
+"""A spring is assumed where it lowers the unexplained part of the force to less than this part of it."""
 _LEAST_FORCE = 1e-3
-"""Share of the motor force below which inertia is no inertia: a least-squares fit kept it from going below zero."""
+"""Share of the motor force below which an inertia is not credible: its bound at zero has stopped the fit."""
 _EXPLAINED = 0.1
-"""Part of the force that sliding may leave unexplained and still be believed where all recordings seem to stay in
+"""Part of the force that sliding may leave unexplained and still be credible where all recordings seem to stay in
 stick: large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
@@ -140,7 +141,7 @@ def _slides(recordings: tuple[Recording, ...], motions: tuple[SlidingMotion, ...
 def _without_sliding(
     motions: tuple[SlidingMotion, ...], stick: SKResult, motor_constant: float
 ) -> tuple[Drive, ...]:
-    """Starts for a machine that was never seen to slide: what it held is the least that its friction can be."""
+    """Starts for a machine that slides in no recording: static friction is at least the largest force that it held."""
     J, stiffness, damping = stick.J.value, stick.stiffness.value, stick.damping.value
     held = max(float(np.max(np.abs(m.force))) for m in motions)
     speed = held / np.sqrt(stiffness * J)
@@ -194,7 +195,7 @@ def _from_rest(recording: Recording) -> float:
     return float(np.sqrt(max(squares, 0.0)))
 
 
-def _wander(x: np.ndarray, segment: int) -> float:
+def _wander(x: Float[np.ndarray, " n"], segment: int) -> float:
     """Standard deviation of `x` within segments: a slow drift of the resting point is no sliding."""
     whole = x[: x.size // segment * segment].reshape(-1, segment)
     return float(np.sqrt(np.mean(np.var(whole, axis=1))))

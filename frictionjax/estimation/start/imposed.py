@@ -1,7 +1,7 @@
-"""Starting values from imposed motions and their friction forces: read off the loops, nothing is guessed.
+"""Starting values from imposed motions and their friction forces alone.
 
-The motion is cut into legs, from turn to turn. Late in a leg that slides the force is flat, and shows Fc, sigma2 and
-the Stribeck bump; early in it the force swings over, and the way that takes is a bristle's: -F -> F in LuGre is
+The motion is cut into legs, from reversal to reversal. Late in a leg that slides the force is flat, and determines Fc,
+sigma2 and the Stribeck bump; early in it the force reverses over the length of a bristle: -F -> F in LuGre is
 F (1 - 2 exp(-sigma0 s/F)), through zero at s = ln 2 F/sigma0.
 """
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.optimize import nnls
 
 from frictionjax.estimation.start.driven import Start
@@ -27,15 +27,15 @@ _BAND = (1.0, 300.0)  # Hz of a response in stick, at most
 
 
 class _Leg(NamedTuple):
-    """Position `s` from the last turn on, speed and force along the way of one leg, shape `(n,)`."""
+    """Travel `s` since the last reversal, speed and force in the direction of motion of one leg, shape `(n,)`."""
 
-    s: np.ndarray
-    speed: np.ndarray
-    force: np.ndarray
+    s: Float[np.ndarray, " n"]
+    speed: Float[np.ndarray, " n"]
+    force: Float[np.ndarray, " n"]
     sign: float
 
     @property
-    def late(self) -> np.ndarray:
+    def late(self) -> Bool[np.ndarray, " n"]:
         """Samples beyond `_LATE` of the travel, while the motion goes on."""
         return (self.s > _LATE * self.s[-1]) & (self.speed > 0.2 * np.max(self.speed))
 
@@ -72,13 +72,13 @@ def starting_values_imposed(
     **Arguments:**
 
     - `recordings`: motion-driven recordings with their force.
-    - `inertia`: known inertia, or None: no force here shows it, and without `responses` it is 1.
-    - `responses`: frequency responses of the same machine in stick; the first that can be read shows J.
+    - `inertia`: known inertia, or None: imposed motions do not determine it, and without `responses` it is 1.
+    - `responses`: frequency responses of the same machine in stick; the first usable one gives J.
     - `motor_constant`: force per input unit, of the responses.
 
     **Returns:**
 
-    A `Start`; `presliding_seen` says whether any leg is resolved before it slides.
+    A `Start`; `presliding_seen`: whether any leg is resolved before it slides.
     """
     legs = [leg for recording in recordings for leg in _legs(recording)]
     notes = []
@@ -92,7 +92,7 @@ def starting_values_imposed(
         plateaus = _plateaus(sliding, top)
     else:
         notes.append(
-            "No motion slides: friction is bounded from below only, and its velocity dependence unseen."
+            "No motion slides: friction is bounded from below only, and its velocity dependence is unknown."
         )
         # Slower than the Stribeck velocity, as far as is known: static friction is the level then.
         plateaus = [
@@ -101,7 +101,7 @@ def starting_values_imposed(
     found = _stiffnesses(legs, sliding, plateaus[0])
     if not found and stiff is None:
         notes.append(
-            "No motion is sampled finely enough after its reversals to show the bristles' stiffness."
+            "No motion is sampled finely enough after its reversals to determine the bristles' stiffness."
         )
         travel = max((float(leg.s[-1]) for leg in legs), default=float(max(np.ptp(r.x) for r in recordings)))
         found = [plateaus[0].Fc / (part * max(travel, 1e-300)) for part in (1e-2, 1e-3)]
@@ -113,7 +113,7 @@ def starting_values_imposed(
             # A hundredth of Coulomb friction at top speed is as good as zero, and positive.
             sigma2 = max(one.sigma2, 0.01 * one.Fc / top)
             Fs = one.Fc + float(np.clip(one.bump, 0.1 * one.Fc, 1.5 * one.Fc))
-            # Seen over a bristle's own time at top speed, its damping is a twentieth of its spring.
+            # Over a bristle's own time at top speed its damping force is a twentieth of its spring force.
             sigma1 = max(0.05 * one.Fc / top, 0.1 * sigma2)
             law = LuGre(float(stiffness), sigma1, sigma2, one.Fc, Fs, one.vs)
             drives.append(Drive(1.0 if J is None else J, law))
@@ -121,7 +121,7 @@ def starting_values_imposed(
 
 
 def _smoothed(values: Float[np.ndarray, " n"], width: int) -> Float[np.ndarray, " n"]:
-    """Moving average over `width` (odd) samples; ends are those of the values extended."""
+    """Moving average over `width` (odd) samples, with the first and last value repeated outside."""
     if width <= 1:
         return np.asarray(values, dtype=float)
     padded = np.pad(values, width // 2, mode="edge")
@@ -129,17 +129,17 @@ def _smoothed(values: Float[np.ndarray, " n"], width: int) -> Float[np.ndarray, 
 
 
 def _turns(x: Float[np.ndarray, " n"], least: float) -> list[int]:
-    """Samples at which `x` turns back by more than `least`, with both ends."""
-    found, best, way = [0], 0, 0.0
+    """Samples at which `x` reverses by more than `least`, and the first and last sample."""
+    found, best, direction = [0], 0, 0.0
     for i, value in enumerate(x):
-        if way == 0.0:
+        if direction == 0.0:
             if abs(value - x[0]) > least:
-                way, best = float(np.sign(value - x[0])), i
-        elif way * (value - x[best]) >= 0.0:
+                direction, best = float(np.sign(value - x[0])), i
+        elif direction * (value - x[best]) >= 0.0:
             best = i
-        elif way * (x[best] - value) > least:
+        elif direction * (x[best] - value) > least:
             found.append(best)
-            way, best = -way, i
+            direction, best = -direction, i
     return [*found, x.size - 1]
 
 
@@ -161,7 +161,7 @@ def _legs(recording: Recording) -> list[_Leg]:
             continue
         sign = float(np.sign(x[last] - x[first])) or 1.0
         inside = slice(first, last + 1)
-        # A dwell at the turn belongs to neither leg; where it wavers, the way does not go back.
+        # A dwell at the reversal belongs to neither leg; where it wavers, the travel does not decrease.
         s = np.maximum.accumulate(sign * (x[inside] - x[first]))
         if s[-1] > least:
             found.append(_Leg(s, np.maximum(sign * v[inside], 0.0), sign * force[inside], sign))
@@ -178,7 +178,7 @@ def _plateaus(legs: list[_Leg], top: float) -> list[_Plateau]:
         base = float(np.max(np.abs(force)))
     slow, fast = np.quantile(speed, [0.1, 0.9])
     if fast < 1.5 * max(slow, 1e-300):
-        # One speed: no dependence on it is seen.
+        # At one speed no dependence on it can be found.
         Fc = _level(force, sign)[0]
         return [
             _Plateau(Fc, bump * Fc, part * top, 0.0, _level(force, sign)[1])
@@ -200,29 +200,29 @@ def _plateaus(legs: list[_Leg], top: float) -> list[_Plateau]:
     return [first, _Plateau(first.Fc, first.bump, 0.3 * first.vs, first.sigma2, first.load)]
 
 
-def _level(force: np.ndarray, sign: np.ndarray) -> tuple[float, float]:
-    """Half the sum and half the difference of the mean forces of both ways."""
-    ways = [float(np.mean(force[sign * way > 0.0])) for way in (1.0, -1.0) if np.any(sign * way > 0.0)]
-    if len(ways) < 2:
-        return abs(ways[0]), 0.0
-    return abs(0.5 * (ways[0] + ways[1])), 0.5 * (ways[0] - ways[1])
+def _level(force: Float[np.ndarray, " n"], sign: Float[np.ndarray, " n"]) -> tuple[float, float]:
+    """Half the sum and half the difference of the mean forces in both directions."""
+    means = [float(np.mean(force[sign * side > 0.0])) for side in (1.0, -1.0) if np.any(sign * side > 0.0)]
+    if len(means) < 2:
+        return abs(means[0]), 0.0
+    return abs(0.5 * (means[0] + means[1])), 0.5 * (means[0] - means[1])
 
 
 def _stiffnesses(legs: list[_Leg], sliding: list[_Leg], level: _Plateau) -> list[float]:
-    """Alternatives for sigma0, most credible first; none when no leg is resolved."""
+    """Alternatives for sigma0, most credible first; none where no leg is resolved."""
     halves, slopes = [], []
     for leg in sliding:
         first, end = leg.force[0], float(np.mean(leg.force[leg.late]))
         middle = 0.5 * (first + end)
-        # Only after a full reversal does half the swing tell the bristle's length.
+        # Only after a full reversal does half the swing give the length of a bristle.
         at = int(np.argmax(leg.force > middle))
         if end - first < 1.2 * level.Fc or at < 1:
             continue
         rise = leg.force[at] - leg.force[at - 1]
         share = np.clip((middle - leg.force[at - 1]) / rise, 0.0, 1.0) if rise > 0.0 else 1.0
-        way = leg.s[at - 1] + share * (leg.s[at] - leg.s[at - 1])
-        if way > 0.0:
-            halves.append(np.log(2.0) * 0.5 * (end - first) / way)
+        travel = leg.s[at - 1] + share * (leg.s[at] - leg.s[at - 1])
+        if travel > 0.0:
+            halves.append(np.log(2.0) * 0.5 * (end - first) / travel)
     for leg in legs:
         early = leg.s <= max(0.15 * leg.s[-1], leg.s[min(4, leg.s.size - 1)])
         if leg.rise < _FLAT or np.sum(early) < 4 or not np.ptp(leg.s[early]) > 0.0:
@@ -236,7 +236,7 @@ def _stiffnesses(legs: list[_Leg], sliding: list[_Leg], level: _Plateau) -> list
 
 
 def _of_response(responses: tuple[FRF, ...], motor_constant: float) -> tuple[float | None, float | None]:
-    """Inertia and stiffness of the first of the `responses` that shows both."""
+    """Inertia and stiffness from the first of the `responses` that determines both."""
     for frf in responses:
         top = min(_BAND[1], 0.4 * float(frf.sample_rate))
         found = fit_sk(frf, band=(_BAND[0], top), motor_constant=motor_constant)

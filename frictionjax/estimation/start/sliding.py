@@ -1,4 +1,4 @@
-"""Inverse dynamics: what sliding motion alone says of inertia, Coulomb and viscous friction."""
+"""Inertia, Coulomb and viscous friction from sliding motion, by inverse dynamics and least squares."""
 
 import equinox as eqx
 import numpy as np
@@ -8,16 +8,16 @@ from scipy.signal import savgol_filter
 
 from frictionjax.recordings import Recording
 
-# s: smoothing of position and input alike, so that both lose the same frequencies. The longest serves servo moves;
+# s: smoothing of position and input alike, so that both are filtered alike. The longest serves servo moves;
 # the shorter ones are for motion that is all vibration.
 WINDOWS = (0.025, 0.008, 0.003)
 
 
-_BOTH = 0.05  # share of the sliding samples that must go the other way
-_LONGER = (
-    20.0  # times the median way between reversals: so much longer is the longest where machines also slide
-)
-_FAR = 0.03  # of the longest way between two reversals: a shorter one is vibration
+# Of the sliding samples, in each direction: less cannot separate friction from a constant force.
+_LEAST_SHARE = 0.05
+# Times the median stroke: so much longer is the longest one where a machine shakes and also slides.
+_MUCH_LONGER = 20.0
+_SHORT = 0.03  # of the longest stroke: a shorter one is vibration
 
 
 class SlidingMotion(eqx.Module):
@@ -62,7 +62,7 @@ def smooth_motion(recording: Recording, motor_constant: float, seconds: float = 
     return SlidingMotion(x, v, a, motor_constant * np.asarray(savgol_filter(held, window, 3)))
 
 
-def _ways(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
+def _strokes(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
     """For each sample the distance between the reversals before and after it."""
     ends = np.flatnonzero(np.diff(np.sign(motion.v)) != 0.0) + 1
     edges = np.concatenate([[0], ends, [motion.x.size]])
@@ -73,8 +73,8 @@ def _ways(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
 def fit_sliding(
     motions: tuple[SlidingMotion, ...], *, inertia: float | None = None, spring: bool = False
 ) -> SlidingFit:
-    """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, on the way from one
-    reversal to the next if that way is not short: vibration in stick may be fast too.
+    """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, in strokes (from one
+    reversal to the next) that are not short: vibration in stick may be fast, too.
 
     **Arguments:**
 
@@ -83,20 +83,21 @@ def fit_sliding(
     - `spring`: let a force proportional to the position take its part, as a spring or a pendulum would.
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
-    ways = [_ways(m) for m in motions]
-    longest = max(float(np.max(way)) for way in ways)
-    # Where all ways are much alike there is no telling vibration from moves, and nothing is left out.
-    apart = longest > _LONGER * float(np.median(np.concatenate(ways)))
-    shortest = _FAR * longest if apart else -1.0
+    strokes = [_strokes(m) for m in motions]
+    longest = max(float(np.max(stroke)) for stroke in strokes)
+    # Where all strokes are of similar length vibration cannot be separated from moves, and nothing is left out.
+    separable = longest > _MUCH_LONGER * float(np.median(np.concatenate(strokes)))
+    shortest = _SHORT * longest if separable else -1.0
     slides = [
-        (np.abs(m.v) > 0.05 * top_speed) & (way > shortest) for m, way in zip(motions, ways, strict=True)
+        (np.abs(m.v) > 0.05 * top_speed) & (stroke > shortest)
+        for m, stroke in zip(motions, strokes, strict=True)
     ]
     x, v, a, force = (
         np.concatenate([getattr(m, name)[own] for m, own in zip(motions, slides, strict=True)])
         for name in ("x", "v", "a", "force")
     )
-    # Motion to one side cannot tell Coulomb friction from a constant force.
-    both = min(np.mean(v > 0.0), np.mean(v < 0.0)) > _BOTH
+    # Motion in one direction cannot separate Coulomb friction from a constant force.
+    both = min(np.mean(v > 0.0), np.mean(v < 0.0)) > _LEAST_SHARE
     columns = [np.sign(v), v, np.ones_like(v) if both else np.zeros_like(v)]
     target = force
     if inertia is None:
@@ -106,7 +107,7 @@ def fit_sliding(
     if spring:
         columns.insert(0, x - np.mean(x))
     design = np.stack(columns, axis=1)
-    # A negative inertia or friction is no start for anything: those coefficients are kept at or above zero.
+    # A negative inertia or friction is no usable start: those coefficients are bounded at zero.
     lower = np.zeros(design.shape[1])
     lower[-1] = -np.inf
     if spring:
