@@ -99,7 +99,7 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
         def step(
             self, step_size: Float[Array, ""], state: tuple[Float[Array, "q q"], Float[Array, " q"]]
         ) -> tuple[Float[Array, " q"], Any]:
-            step = stepper.step(*state, 1.0 / step_size)
+            step = jnp.asarray(stepper.step(*state, 1.0 / step_size))
             sound = jnp.all(jnp.isfinite(step))
             return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
 

@@ -201,7 +201,7 @@ def _judged_each(
 
 @eqx.filter_jit
 def _entered(
-    state: State, ratios: Float[np.ndarray, "d r k"], known: Bool[np.ndarray, " r"], substeps: int
+    state: State, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
 ) -> State:
     """The states with noise and unit, as every later round leaves them: one program for all of these."""
     return jax.vmap(lambda own, some: with_unit(with_likeliest_noise(own, some, known, substeps)))(
@@ -211,7 +211,7 @@ def _entered(
 
 @eqx.filter_jit
 def _rounds(
-    state: State, ratios: Float[np.ndarray, "d r k"], known: Bool[np.ndarray, " r"], substeps: int
+    state: State, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
 ) -> State:
     return jax.vmap(lambda own, some: one_round(own, some, known, substeps))(state, ratios)
 
@@ -286,7 +286,7 @@ def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarra
 
 def _shorter(state: State) -> State:
     """The same with shorter units."""
-    return eqx.tree_at(lambda s: s.unit, state, state.unit / _SHORTER)
+    return eqx.tree_at(lambda s: s.unit, state, jax.tree.map(lambda unit: unit / _SHORTER, state.unit))
 
 
 def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:

@@ -54,10 +54,9 @@ def _posteriors(posterior: Posterior, sets: Sets, vectors: Float[Array | np.ndar
     """The `posterior` with the numbers of each data set, about its own of `vectors`; leaves of shape `(d, ...)`."""
 
     def one(own: Sets, start: Float[Array, " q"]) -> Posterior:
-        (evidence,) = posterior.evidence
         batch = eqx.tree_at(
             lambda b: (b.u, b.x, b.noise, b.x0, b.v0),
-            evidence.batch,
+            posterior.batch,
             (own.u, own.x, own.noise, own.x0, own.v0),
         )
         return eqx.tree_at(lambda p: (p.evidence[0].batch, p.start), posterior, (batch, start))

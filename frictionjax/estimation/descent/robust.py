@@ -121,7 +121,8 @@ def _steps(
         cost, new = float(near.cost), float(near_there.cost)
         # Half a nat of the cost is one of the misfit.
         negligible = _negligible(0.5 * (cost - least) / samples, tolerance)
-        accepted, damping = _STEPPER.judged(damping, new - cost)
+        accepted, following = _STEPPER.judged(damping, new - cost)
+        damping = float(following)
         if accepted:
             gained = 0.5 * (cost - new) / samples
             point, near = there, near_there
@@ -142,7 +143,7 @@ def _step(
     longest = np.full(vector.size, _STEPPER.longest)
     strengths = [i for i, free in enumerate(posterior.layout) if free.parameter.transform == "linear"]
     longest[strengths] = np.maximum(_STEPPER.longest, np.abs(vector[strengths]))
-    return _STEPPER.step(np.asarray(near.hessian), np.asarray(near.gradient), damping, longest)
+    return np.asarray(_STEPPER.step(np.asarray(near.hessian), np.asarray(near.gradient), damping, longest))
 
 
 def _cost_at_scale(posterior: Posterior) -> tuple[float, float]:

@@ -124,8 +124,8 @@ def one_round(
     """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in
     `with_likeliest_noise`. Works inside transformations."""
     there = with_unit(with_likeliest_noise(state, ratios, known, substeps, search))
-    posterior = there.posterior
-    end = levenberg_marquardt(posterior, there.vector, there.unit, _STEPS, tolerance=NEAR_TOLERANCE)
+    posterior, unit = there.posterior, jnp.asarray(there.unit)
+    end = levenberg_marquardt(posterior, there.vector, unit, _STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     cost = end.cost + posterior.log_deviation
     own = posterior.reaching(vector)
@@ -141,7 +141,7 @@ def judged(
     # Every step failed: at the minimum, or where the cost is too curved for next to no damping.
     failed = jnp.all(after.vector == before.vector) & ~progress.retried & (progress.rounds < ROUNDS - 1)
     better = ~failed & (cost < progress.least)
-    far = jnp.max(jnp.abs(after.vector - before.vector) * STRIDE * NEAR_UNITS / after.unit)
+    far = jnp.max(jnp.abs(after.vector - before.vector) * STRIDE * NEAR_UNITS / jnp.asarray(after.unit))
     at_rest = ~(far > SHORT_MOVE)
     if before.noise is not None and after.noise is not None:
         change = jnp.abs(jnp.log(after.noise.best) - jnp.log(before.noise.best))

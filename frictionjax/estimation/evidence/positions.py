@@ -1,6 +1,7 @@
 """Positions of a machine that is driven by a known force: prediction errors of a Kalman filter with given gains."""
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -224,7 +225,7 @@ def filtered_on_all(
         return filtered(drive, z0, batch, ratio, known, substeps)
     shares = np.array_split(np.arange(rows), min(rows, len(devices)))
 
-    def run(share: Int[np.ndarray, " share"], device: jax.Device) -> tuple[Positions, Noise]:
+    def run(share: Int[np.ndarray, " share"], device: Any) -> tuple[Positions, Noise]:
         own = (z0, batch, ratio, known)
         some = jax.tree.map(lambda leaf: np.asarray(leaf)[share], own)
         z, part, ratios, given = jax.device_put(some, device)
