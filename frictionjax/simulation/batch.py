@@ -31,7 +31,7 @@ def position(run: Trajectory) -> Float[Array, " n"]:
 
 def simulate_batch(
     drives: Drive,
-    u: Real[ArrayLike, " n"] | Real[ArrayLike, "b n"],
+    u: Real[ArrayLike, "..."],
     sample_rate: Real[ArrayLike, ""],
     *,
     x0: Real[ArrayLike, ""] | Real[ArrayLike, " b"] = 0.0,

@@ -94,7 +94,7 @@ def _simulate(
 
 def simulate(
     drive: Drive,
-    u: Real[ArrayLike, " n"],
+    u: Real[ArrayLike, "..."],
     sample_rate: Real[ArrayLike, ""],
     *,
     x0: Real[ArrayLike, ""] = 0.0,

@@ -283,10 +283,10 @@ def _simulate_imposed(
 
 def simulate_imposed(
     drive: Drive,
-    x: Real[ArrayLike, " n"],
+    x: Real[ArrayLike, "..."],
     sample_rate: Real[ArrayLike, ""],
     *,
-    v: Real[ArrayLike, " n"] | None = None,
+    v: Real[ArrayLike, "..."] | None = None,
     z0: Real[ArrayLike, ""] = 0.0,
     substeps: int = 1,
 ) -> Trajectory:

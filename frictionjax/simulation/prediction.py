@@ -78,8 +78,8 @@ def _predict_ahead(
 
 def predict_ahead(
     drive: Drive,
-    force: Real[ArrayLike, " n"] | Push,
-    x: Real[ArrayLike, " n"],
+    force: Real[ArrayLike, "..."] | Push,
+    x: Real[ArrayLike, "..."],
     dt: Real[ArrayLike, ""],
     gains: Gains,
     start: Start,

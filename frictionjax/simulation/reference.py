@@ -104,7 +104,7 @@ def _simulate_reference(
 
 def simulate_reference(
     drive: Drive,
-    u: Real[ArrayLike, " n"],
+    u: Real[ArrayLike, "..."],
     sample_rate: Real[ArrayLike, ""],
     *,
     x0: Real[ArrayLike, ""] = 0.0,
