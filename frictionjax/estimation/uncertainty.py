@@ -80,8 +80,8 @@ def inverse_of(matrix: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
 
 def clustered_covariance(
     hessian: Float[np.ndarray, "q q"],
-    gradients: Sequence[Float[np.ndarray, "c q"]],
-    curvatures: Sequence[Float[np.ndarray, "c q q"]],
+    gradients: Sequence[Float[np.ndarray, "_ q"]],
+    curvatures: Sequence[Float[np.ndarray, "_ q q"]],
     rows: Sequence[int],
 ) -> Float[np.ndarray, "q q"]:
     """Covariance of the free vector: the jackknife over clusters of 0.5 s, its variances raised where longer clusters
@@ -129,8 +129,8 @@ def covariance_of(
 
 
 def _longer(
-    gradients: Sequence[Float[np.ndarray, "c q"]],
-    curvatures: Sequence[Float[np.ndarray, "c q q"]],
+    gradients: Sequence[Float[np.ndarray, "_ q"]],
+    curvatures: Sequence[Float[np.ndarray, "_ q q"]],
     rows: Sequence[int],
 ) -> tuple[Float[np.ndarray, "m q"], Float[np.ndarray, "m q q"]]:
     """Gradients and curvatures of clusters of 2 s, as `merged` has them."""

@@ -198,7 +198,7 @@ class Posterior(AbstractObjective):
         """The cost near `vector`, evaluated and assembled."""
         return self.assembled(self.evaluated(vector), vector)
 
-    def curvatures(self, evaluations: tuple[Evaluation, ...]) -> tuple[Float[np.ndarray, "c q q"], ...]:
+    def curvatures(self, evaluations: tuple[Evaluation, ...]) -> tuple[Float[np.ndarray, "_ q q"], ...]:
         """The part that each cluster has in the Gauss-Newton matrix, evidence by evidence; without the prior, which is
         in no cluster, they add up to it."""
         return tuple(
