@@ -57,16 +57,16 @@ def _true_drive(starting: StartingPoint, truth: dict[str, float]) -> Drive:
     )
 
 
-def _fitted(joint: Posterior, vector) -> Model:
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+def _fitted(posterior: Posterior, vector) -> Model:
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     fitted = descend(slow, vector, graduate=False, tolerance=1e-4)
     return Model(slow, fitted, judge(slow, fitted))
 
 
 def _force(model: Model) -> float:
     """The unmeasured force over Fc, as estimated when the candidates are compared."""
-    answer, power = answer_to_force(model.joint, model.fitted.vector), model.judgement.power
-    return force_noise(power, answer, model.joint, quietness(power, answer, model.joint))
+    answer, power = answer_to_force(model.posterior, model.fitted.vector), model.judgement.power
+    return force_noise(power, answer, model.posterior, quietness(power, answer, model.posterior))
 
 
 def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
@@ -74,7 +74,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     simulated = make_case(seed, missing=(), strength="strong")
     starting, truth = starting_point(case_of(simulated)), simulated.truth["base"]
     model = _fitted(*robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out))
-    slow, found = model.joint, base_fit.parameters_of(model, {}, _force(model))
+    slow, found = model.posterior, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
     one = {
@@ -95,15 +95,15 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     true, starting = convert(drawn[theirs]), starting_point(case_of(simulated))
     drive = _true_drive(starting, simulated.truth["base"])
     form = next(f for f in catalogue()[effect] if ours in [p.name for p in f.strengths + f.nuisances])
-    joint, vector = robust_posterior(drive, starting.batch, starting.held_out)
-    joint, vector = extend(joint, vector, form(), plant_scales(drive, starting.batch), drive)
-    place = next(i for i, free in enumerate(joint.layout) if free.label == ours)
-    free = joint.layout[place]
+    posterior, vector = robust_posterior(drive, starting.batch, starting.held_out)
+    posterior, vector = extend(posterior, vector, form(), plant_scales(drive, starting.batch), drive)
+    place = next(i for i, free in enumerate(posterior.layout) if free.label == ours)
+    free = posterior.layout[place]
     there = np.log(true) if free.parameter.transform == "log" else true / float(free.scale)
-    model = _fitted(joint, jnp.asarray(vector).at[place].set(there))
+    model = _fitted(posterior, jnp.asarray(vector).at[place].set(there))
     near = model.fitted.near
     alone = sandwich(np.asarray(near.hessian), np.asarray(near.clusters[0]))
-    other = estimates(model.joint, model.fitted.vector, alone, {})[ours]
+    other = estimates(model.posterior, model.fitted.vector, alone, {})[ours]
     told = base_fit.parameters_of(model, {}, _force(model))[ours]
     return (told.value - true) / told.stderr, (told.value - true) / other.stderr
 

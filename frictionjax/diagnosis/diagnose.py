@@ -184,7 +184,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     )
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
-    extended, biased = moved(extended, last.joint.layout, steps, rule=rule)
+    extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
     notes += [text for text in (warning, biased) if text]
     experiments, without_experiment = _experiments(steps, progress)
     notes += without_experiment
@@ -215,7 +215,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
 
 def _with_steps_of(scene: Scene, model: Model) -> Scene:
     """The `scene` with as many integration steps a sample as the `model`."""
-    steps = model.joint.batch.substeps
+    steps = model.posterior.batch.substeps
     return eqx.tree_at(lambda s: s.batch, scene, scene.batch.with_substeps(steps))
 
 
@@ -340,7 +340,7 @@ def _missing(
         found = step.accepted
         if found is None:
             continue
-        posterior = found.model.joint
+        posterior = found.model.posterior
         effect, prefix = posterior.drive.effects[-1], f"effects.{len(posterior.drive.effects) - 1}."
         parameters = {
             p.parameter.name: extended[p.label] for p in posterior.layout if p.path.startswith(prefix)

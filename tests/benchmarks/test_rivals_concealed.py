@@ -45,7 +45,7 @@ def motion_ground(missing):
         dt=np.full(2, DT), valid=np.ones_like(x), before=SimpleNamespace(clock=np.array([0.0, 30.0]))
     )
     return SimpleNamespace(
-        present=SimpleNamespace(motion=motion, joint=SimpleNamespace(batch=batch)),
+        present=SimpleNamespace(motion=motion, posterior=SimpleNamespace(batch=batch)),
         base_view=SimpleNamespace(force=missing(x, v, z) + noise),
         held_out=np.zeros(2, bool),
         batch=batch,

@@ -57,9 +57,9 @@ def test_what_a_chaotic_machine_explains_is_seen_where_its_fit_saw_anything(judg
     """It corrects the loud blocks that its fit saw, and is far off in the others, which are chaotic."""
     batch, blocks = judged.batch, np.arange(judged.power.shape[1])
     seen = np.broadcast_to(blocks < blocks.size // 2, judged.power.shape)
-    joint = SimpleNamespace(batch=batch, weights=(jnp.asarray(1.0 * seen).ravel(),))
+    posterior = SimpleNamespace(batch=batch, weights=(jnp.asarray(1.0 * seen).ravel(),))
     mended = eqx.tree_at(lambda j: j.power, judged, np.where(seen, 1.0, 1e4))
-    rigid, chaotic = SimpleNamespace(judgement=judged), SimpleNamespace(judgement=mended, joint=joint)
+    rigid, chaotic = SimpleNamespace(judgement=judged), SimpleNamespace(judgement=mended, posterior=posterior)
     floor = np.ones((2, 1))
     assert min(explained(judged, mended, floor)) < 0.0
     assert explained_where_predictable(rigid, chaotic, floor) == pytest.approx((1.0, 1.0))
@@ -97,7 +97,7 @@ def test_beside_a_gap_a_raised_floor_stays(judged):
     unit = np.ones((1, *judged.power.shape))
     answer = Answer(np.zeros(judged.power.shape), unit, 0.0 * unit, 0.0 * unit)
     model = _with(judged, effect("Backlash"))
-    model.joint = _joint(judged)
+    model.posterior = _joint(judged)
     refits = [SimpleNamespace(model=_with(judged, power=np.ones_like(judged.power)))]
     plain = ground_of(model, refits, answer).floor
     before = np.full(judged.power.shape, 5.0)

@@ -43,7 +43,7 @@ def test_a_pendulum_makes_way_for_the_load_that_it_stood_in_for(two):
     assert found[1].rivals == ()
     assert bench.asked == [confused_with("gravity_pendulum")]
     model = bench.model(found[1])
-    assert [effect.name for effect in model.joint.drive.effects] == ["drive_lag", "constant_load"]
+    assert [effect.name for effect in model.posterior.drive.effects] == ["drive_lag", "constant_load"]
 
 
 def test_twins_that_the_others_do_not_separate_are_one_class(two):

@@ -55,10 +55,10 @@ def _true_model(force):
         _shaken("ramps", break_away(), seed=2, force=force),
         _shaken("sliding", _to_and_fro(), seed=3, force=force),
     )
-    joint, vector = robust_posterior(
+    posterior, vector = robust_posterior(
         PLANT, make_batch(recordings, encoder_step=QUIET * FINE), np.zeros(3, bool)
     )
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     return slow, vector, slow.powers([vector])[0]
 
 
@@ -69,10 +69,10 @@ def shaken():
 
 def test_the_planted_force_is_found(shaken):
     """A quantile of blocks that hold few free numbers is below their mean; the simulated blocks tell by how much."""
-    joint, vector, power = shaken
-    answer = answer_to_force(joint, vector)
-    quiet = quietness(power, answer, joint)
-    found = force_noise(power, answer, joint, quiet)
+    posterior, vector, power = shaken
+    answer = answer_to_force(posterior, vector)
+    quiet = quietness(power, answer, posterior)
+    found = force_noise(power, answer, posterior, quiet)
     seen = answer.gain > 0.1 * answer.gain.max()
     asked = np.sqrt(np.quantile(((power - quiet) / np.where(seen, answer.gain, 1.0))[seen], 0.4))
     assert asked < 0.95 * found
@@ -81,13 +81,13 @@ def test_the_planted_force_is_found(shaken):
 
 
 def test_a_true_model_is_at_the_floor(shaken):
-    joint, vector, power = shaken
-    answer = answer_to_force(joint, vector)
-    quiet = quietness(power, answer, joint)
-    seen = Judgement(PLANT, vector, power, np.zeros(3, bool), joint.batch)
+    posterior, vector, power = shaken
+    answer = answer_to_force(posterior, vector)
+    quiet = quietness(power, answer, posterior)
+    seen = Judgement(PLANT, vector, power, np.zeros(3, bool), posterior.batch)
     bare, floored = (
         seen.misfits(floor)[0]
-        for floor in (np.ones((1, 1)), floor_of(force_noise(power, answer, joint, quiet), answer, quiet))
+        for floor in (np.ones((1, 1)), floor_of(force_noise(power, answer, posterior, quiet), answer, quiet))
     )
     assert bare > 0.2
     # The logarithm of blocks that scatter is below that of their mean.
@@ -95,35 +95,35 @@ def test_a_true_model_is_at_the_floor(shaken):
 
 
 def test_without_a_force_none_is_found():
-    joint, vector, power = _true_model(0.0)
-    answer = answer_to_force(joint, vector)
-    assert force_noise(power, answer, joint, quietness(power, answer, joint)) < 0.1 * FORCE
+    posterior, vector, power = _true_model(0.0)
+    answer = answer_to_force(posterior, vector)
+    assert force_noise(power, answer, posterior, quietness(power, answer, posterior)) < 0.1 * FORCE
 
 
 def test_noise_that_was_thought_twice_as_large_is_mended(shaken):
     """Motion near the frequency of sampling passes for noise; a model that leaves less shows that there is less."""
-    joint = eqx.tree_at(
+    posterior = eqx.tree_at(
         lambda j: j.evidence[0].batch.noise, shaken[0], shaken[0].batch.noise.at[0].multiply(2.0)
     )
     answer = answer_to_force(*shaken[:2])
     clean = quietness(shaken[2], answer, shaken[0])
-    quiet = quietness(joint.powers([shaken[1]])[0], answer, joint)
+    quiet = quietness(posterior.powers([shaken[1]])[0], answer, posterior)
     assert quiet.shape == (3, 1)
     assert quiet[0, 0] == pytest.approx(0.25 * clean[0, 0], rel=0.1)
     np.testing.assert_array_equal(quiet[1:], clean[1:])
     assert np.all(clean <= 1.0)
-    assert float(np.max(joint.batch.noise[1:])) < 2.0 * QUIET * NOISE
+    assert float(np.max(posterior.batch.noise[1:])) < 2.0 * QUIET * NOISE
 
 
 def test_colour_raises_the_floor_of_its_own_recording_alone(shaken):
     """By what the middle block asks for, between nothing and twice."""
-    joint, _, power = shaken
+    posterior, _, power = shaken
     floor = np.ones_like(power)
-    scored = np.asarray(joint.batch.block_count) > 0
+    scored = np.asarray(posterior.batch.block_count) > 0
     for factor, found in ((0.5, 1.0), (1.5, 1.5), (7.0, RULE.floor.colour)):
         powers = np.where(scored, 1.0, 0.0)
         powers[1] *= factor
-        np.testing.assert_allclose(colour(powers, floor, joint)[:, 0], [1.0, found, 1.0])
+        np.testing.assert_allclose(colour(powers, floor, posterior)[:, 0], [1.0, found, 1.0])
 
 
 def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
@@ -143,37 +143,37 @@ def test_coloured_noise_has_at_most_the_power_that_its_bound_says():
 
 def test_runs_of_a_machine_that_is_not_chaotic_part_by_the_force_alone(shaken):
     """The linear answer to a force a twentieth of the size, from other draws."""
-    joint, vector, _ = shaken
-    answer, parted = answer_to_force(joint, vector), scatter(joint, vector, FORCE)
+    posterior, vector, _ = shaken
+    answer, parted = answer_to_force(posterior, vector), scatter(posterior, vector, FORCE)
     seen = answer.gain > 0.1 * answer.gain.max()
     assert np.median(parted[seen] / (FORCE**2 * answer.gain[seen])) == pytest.approx(1.0, rel=0.15)
-    np.testing.assert_array_equal(scatter(joint, vector, 0.0), 0.0)
+    np.testing.assert_array_equal(scatter(posterior, vector, 0.0), 0.0)
 
 
 def test_what_a_force_makes_unpredictable_is_left_out_of_a_fit(shaken):
-    joint, vector, _ = shaken
-    parted = scatter(joint, vector, FORCE)
-    calm, some = predictable(joint, vector, FORCE)
+    posterior, vector, _ = shaken
+    parted = scatter(posterior, vector, FORCE)
+    calm, some = predictable(posterior, vector, FORCE)
     kept = np.asarray(calm.weights[0]).reshape(calm.batch.block_count.shape) > 0.0
-    scored = np.asarray(joint.batch.block_count) > 0
+    scored = np.asarray(posterior.batch.block_count) > 0
     assert some and 0.05 < np.mean(kept[scored]) < 0.95
     np.testing.assert_array_equal(kept, parted < 1.0)
-    np.testing.assert_array_equal(calm.powers([vector])[0], joint.powers([vector])[0])
-    assert float(calm.near(vector).cost) < float(joint.near(vector).cost)
-    whole, none = predictable(joint, vector, 0.0)
+    np.testing.assert_array_equal(calm.powers([vector])[0], posterior.powers([vector])[0])
+    assert float(calm.near(vector).cost) < float(posterior.near(vector).cost)
+    whole, none = predictable(posterior, vector, 0.0)
     assert not none
-    np.testing.assert_array_equal(whole.weights[0], joint.weights[0])
+    np.testing.assert_array_equal(whole.weights[0], posterior.weights[0])
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf, -1e200])
 def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
-    joint, vector, _ = shaken
-    change = np.zeros(np.asarray(joint.batch.x).shape)
+    posterior, vector, _ = shaken
+    change = np.zeros(np.asarray(posterior.batch.x).shape)
     change[0, change.shape[1] // 2 :] = lost
     monkeypatch.setattr(
         "frictionjax.diagnosis.evidence.noise_floor._force_response", lambda *arguments: change
     )
-    calm, some = predictable(joint, vector, FORCE)
+    calm, some = predictable(posterior, vector, FORCE)
     kept = np.asarray(calm.weights[0]).reshape(calm.batch.block_count.shape) > 0.0
     half = kept.shape[1] // 2
     assert some and not np.any(kept[0, half + 1 :])
@@ -181,9 +181,9 @@ def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
 
 
 def test_parameters_are_told_without_it_unless_nothing_else_tells_them(shaken):
-    joint, vector, _ = shaken
-    fitted = descend(joint, vector, graduate=False)
-    model = Model(joint, fitted, judge(joint, fitted))
+    posterior, vector, _ = shaken
+    fitted = descend(posterior, vector, graduate=False)
+    model = Model(posterior, fitted, judge(posterior, fitted))
     # Two fifths of the force make a few blocks unpredictable; the whole of it makes most of sliding so.
     plain, told, blind = (parameters_of(model, {}, share * FORCE) for share in (0.0, 0.4, 1.0))
     true = {"J": PLANT.J, **{name: getattr(PLANT.friction, name) for name in ("sigma0", "Fc", "Fs")}}
@@ -196,10 +196,10 @@ def test_parameters_are_told_without_it_unless_nothing_else_tells_them(shaken):
 
 def test_a_model_whose_curvature_is_no_number_is_told_as_unknown(shaken):
     """With a force, too: nothing is fitted again from there."""
-    joint, vector, _ = shaken
-    fitted = descend(joint, vector, graduate=False, steps=1)
+    posterior, vector, _ = shaken
+    fitted = descend(posterior, vector, graduate=False, steps=1)
     lost = fitted._replace(
         near=eqx.tree_at(lambda near: near.hessian, fitted.near, jnp.nan * fitted.near.hessian)
     )
-    found = parameters_of(Model(joint, lost, judge(joint, lost)), {}, FORCE)
+    found = parameters_of(Model(posterior, lost, judge(posterior, lost)), {}, FORCE)
     assert all(e.stderr == float("inf") for e in found.values())

@@ -77,15 +77,15 @@ def test_within_is_told_for_fitted_and_held_out_recordings(quiet):
 def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(quiet):
     """Not what acts in a tenth of the blocks, nor all of what triples their power; and a quieter one stays."""
     shape = quiet.block_count.shape
-    level, joint = 1.4 * np.ones(shape), robust_posterior(PLANT, quiet, np.array([True, False]))[0]
+    level, posterior = 1.4 * np.ones(shape), robust_posterior(PLANT, quiet, np.array([True, False]))[0]
     raised = 1.3 * level
     raised[0] *= 1.2
-    np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])
+    np.testing.assert_allclose(colour(raised, level, posterior), [[1.56], [1.3]])
     scored = np.flatnonzero(np.asarray(quiet.block_count)[0] > 0)
     raised[0, scored[::10]] *= 10.0
-    np.testing.assert_allclose(colour(raised, level, joint), [[1.56], [1.3]])
-    np.testing.assert_allclose(colour(3.0 * level, level, joint), 2.0 * np.ones((2, 1)))
-    np.testing.assert_allclose(colour(0.5 * level, level, joint), np.ones((2, 1)))
+    np.testing.assert_allclose(colour(raised, level, posterior), [[1.56], [1.3]])
+    np.testing.assert_allclose(colour(3.0 * level, level, posterior), 2.0 * np.ones((2, 1)))
+    np.testing.assert_allclose(colour(0.5 * level, level, posterior), np.ones((2, 1)))
 
 
 @pytest.mark.parametrize("floor", [1.0, 1.4])
@@ -177,14 +177,14 @@ def small():
     case = small_case()
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, _ = robust_posterior(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
-    return recordings, joint.at_bandwidth(SLOW_BANDWIDTH)
+    posterior, _ = robust_posterior(PLANT, batch, np.array([r.role == "holdout" for r in recordings]))
+    return recordings, posterior.at_bandwidth(SLOW_BANDWIDTH)
 
 
-def _judge(joint, drive):
-    """`drive` before the recordings of `joint`, nothing fitted."""
-    vector = jnp.concatenate([pack(joint.layout, drive), jnp.zeros(joint.fitted[0].size)])
-    return judge(joint, Fitted(vector, joint.near(vector), 0.0, Ending.AT_REST))
+def _judge(posterior, drive):
+    """`drive` before the recordings of `posterior`, nothing fitted."""
+    vector = jnp.concatenate([pack(posterior.layout, drive), jnp.zeros(posterior.fitted[0].size)])
+    return judge(posterior, Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST))
 
 
 @pytest.fixture(scope="module")
@@ -232,9 +232,9 @@ def test_a_model_that_runs_away_is_judged_and_not_nan(small):
 
 
 def test_views_and_errors_are_those_of_the_recordings(judged, small):
-    recordings, joint = small
-    held_out = np.asarray(joint.fitted[0]) == 0.0
-    scene = Scene(joint.batch, held_out, 50.0, tuple(r.name for r in recordings))
+    recordings, posterior = small
+    held_out = np.asarray(posterior.fitted[0]) == 0.0
+    scene = Scene(posterior.batch, held_out, 50.0, tuple(r.name for r in recordings))
     true, wrong = (view(judgement, scene) for judgement in judged)
     fits = recording_fits(recordings, scene, wrong, true, PLANT)
     assert [fit.name for fit in fits] == [r.name for r in recordings]

@@ -38,23 +38,25 @@ def test_the_truth_leaves_the_noise():
     drive = SLIP.with_effects(effect("ConstantLoad", load=0.05))
     recordings = motion_case(drive).recordings
     batch = make_imposed_batch(recordings)
-    joint, vector = robust_posterior(drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch))
-    e = np.asarray(joint.errors_at([vector])[0])
+    posterior, vector = robust_posterior(
+        drive, batch, np.zeros(4, dtype=bool), scales=plant_scales(drive, batch)
+    )
+    e = np.asarray(posterior.errors_at([vector])[0])
     count = e.shape[1]
     for row in e:
         assert np.mean(row**2) == pytest.approx(1.0, abs=0.2)
         assert abs(np.mean(row[1:] * row[:-1])) < 5.0 / np.sqrt(count)
-    assert [free.label for free in joint.layout if free.label == "J"] == []
+    assert [free.label for free in posterior.layout if free.label == "J"] == []
 
 
 def test_an_effect_is_simulated_as_it_is():
     """At zero strength it leaves the errors of the model without it; at the truth it leaves the noise."""
     batch = make_imposed_batch(motion_case(SLIP).recordings)
-    joint, vector = robust_posterior(ROTARY, batch, np.zeros(4, dtype=bool))
-    added, start = extend(joint, vector, effect("MaxwellSlip", spread=1.2), plant_scales(ROTARY, batch))
+    posterior, vector = robust_posterior(ROTARY, batch, np.zeros(4, dtype=bool))
+    added, start = extend(posterior, vector, effect("MaxwellSlip", spread=1.2), plant_scales(ROTARY, batch))
     place = [free.label for free in added.layout].index("share")
     errors = errors_with_effect([added, added], [start, start.at[place].add(0.5)])
-    np.testing.assert_allclose(errors[0], joint.errors_at([vector])[0], atol=1e-6)
+    np.testing.assert_allclose(errors[0], posterior.errors_at([vector])[0], atol=1e-6)
     power = jnp.mean(errors**2, axis=(1, 2))
     assert float(power[1]) == pytest.approx(1.0, abs=0.1)
     assert float(power[0]) > 10.0

@@ -36,7 +36,7 @@ def _refused(step):
 
 
 def _told(before, *steps):
-    return moved(before, steps[0].accepted.model.joint.layout, list(steps))
+    return moved(before, steps[0].accepted.model.posterior.layout, list(steps))
 
 
 def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rounds, before):
@@ -55,12 +55,12 @@ def test_the_distance_adds_to_the_error_as_a_variance(rounds, before):
 
 
 def test_nothing_is_said_where_only_noise_is_left(rounds, before):
-    assert moved(before, rounds[1].accepted.model.joint.layout, list(rounds)) == (before, "")
+    assert moved(before, rounds[1].accepted.model.posterior.layout, list(rounds)) == (before, "")
 
 
 def test_nothing_is_said_where_nothing_is_named(rounds, before):
     refused = _refused(rounds[0])
-    assert moved(before, rounds[0].before.joint.layout, [refused]) == (before, "")
+    assert moved(before, rounds[0].before.posterior.layout, [refused]) == (before, "")
 
 
 @pytest.mark.parametrize("chance", ["by chance", "worse on one side"])

@@ -202,7 +202,7 @@ def test_what_a_trial_promises_is_what_its_vector_gives(tried):
             assert trial.linear_gain <= 1e-4 or (len(others) == 2 and trial.linear_gain <= min(others))
             continue
         # What is injected along the observed motion is, to first order, what the effect itself would do.
-        whole = float(trial.joint.misfits([trial.vector])[0])
+        whole = float(trial.posterior.misfits([trial.vector])[0])
         assert trial.gain == pytest.approx(present.misfit - whole, abs=0.003 + 0.05 * present.misfit)
         assert 0.0 <= trial.p_value <= 1.0
         assert all(np.isfinite(value) and value > 0 for value in trial.detectable.values())
@@ -241,8 +241,8 @@ def test_p_values_of_a_true_base_model_are_not_anti_conservative():
             open_loop("loud", large_noise(6.0, seed=seed), seed=200 + seed),
         )
         batch = make_batch(recordings, encoder_step=FINE)
-        joint, start = robust_posterior(PLANT, batch, np.zeros(2, bool))
-        present = present_model(joint, descend(joint, start, graduate=False).vector)
+        posterior, start = robust_posterior(PLANT, batch, np.zeros(2, bool))
+        present = present_model(posterior, descend(posterior, start, graduate=False).vector)
         scales = {"Fc": float(PLANT.friction.Fc), "dt": 1.0 / RATE}
         for name in names:
             p[name] += [trial.p_value for trial in try_form(present, [effect(name)], scales)[:1]]

@@ -33,11 +33,11 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
     """Motor inertia, stiffness and damping stay what they were when a load of 0.3 of the whole is hung behind a gap; a
     known inertia is that of the whole."""
     batch = make_batch((open_loop("stick", stick_noise(), seed=1),), encoder_step=FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.array([False]), known_inertia=known)
-    joint, vector = extend(joint, vector, effect("Backlash"), plant_scales(PLANT, batch))
-    place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "ratio")
-    hung = uncoupled(joint, vector.at[place].set(0.3 / joint.layout[place].scale))
-    drive = joint.drive_of(hung)
+    posterior, vector = robust_posterior(PLANT, batch, np.array([False]), known_inertia=known)
+    posterior, vector = extend(posterior, vector, effect("Backlash"), plant_scales(PLANT, batch))
+    place = next(i for i, free in enumerate(posterior.layout) if free.parameter.name == "ratio")
+    hung = uncoupled(posterior, vector.at[place].set(0.3 / posterior.layout[place].scale))
+    drive = posterior.drive_of(hung)
     side = drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(0.3, rel=1e-12)
     factor = 1.0 if known else 1.0 / 0.7
@@ -75,12 +75,12 @@ def driven():
         for k, ends in enumerate([(0.3, -0.1, 0.02), (-0.2, 0.25, 0.1)])
     )
     batch = make_batch(recordings, encoder_step=QUIET * FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    posterior, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     fitted = descend(slow, vector)
     model = Model(slow, fitted, judge(slow, fitted))
     scales = plant_scales(model.judgement.drive, batch)
-    present = present_model(joint, fitted.vector)
+    present = present_model(posterior, fitted.vector)
     tried = {
         name: try_form(present, forms_to_try(catalogue()[name][0], scales, {}), scales)
         for name in ("load_dependence", "delay")
@@ -109,9 +109,11 @@ def test_the_valley_undoes_what_a_step_does(driven):
     """As the regression says, by simulation: to first order, of the smaller of two steps."""
     _, scales, present, tried = driven
     trial = min(tried["load_dependence"], key=lambda t: t.shown)
-    joint, base = extend(present.joint, present.vector, trial.form, scales)
-    place = next(i for i, free in enumerate(joint.layout) if free.parameter.name == "growth")
-    plain, stepped, undone = joint.errors_at([base, base.at[place].set(trial.valley[place]), trial.valley])
+    posterior, base = extend(present.posterior, present.vector, trial.form, scales)
+    place = next(i for i, free in enumerate(posterior.layout) if free.parameter.name == "growth")
+    plain, stepped, undone = posterior.errors_at(
+        [base, base.at[place].set(trial.valley[place]), trial.valley]
+    )
     shown, left = (float(jnp.mean((errors - plain) ** 2)) for errors in (stepped, undone))
     assert trial.absorbed > 0.999
     assert left < 0.05 * shown

@@ -55,8 +55,8 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     batch = make_batch(tuple(recordings), encoder_step=FINE)
     friction = dataclasses.replace(PLANT.friction, Fc=1.05 * PLANT.friction.Fc, Fs=1.05 * PLANT.friction.Fs)
     wrong = Drive(PLANT.J, friction, PLANT.motor_constant)
-    joint, vector = robust_posterior(wrong, batch, np.array([False, True, False, True]))
-    model = converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector)
+    posterior, vector = robust_posterior(wrong, batch, np.array([False, True, False, True]))
+    model = converged(posterior.at_bandwidth(SLOW_BANDWIDTH), vector)
     floor = np.ones_like(model.judgement.power)
     assert not model.judgement.within(floor, ADEQUATE)[1]
     assert all(fitted_to_all(model).judgement.within(floor, ADEQUATE)) == (not effects)
@@ -67,7 +67,7 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     alone = with_effect(base, "lag", scales)
     full = with_effect(with_effect(base, "load", scales), "lag", scales)
     rest = with_some(base, full, [1], scales)
-    assert [type(e).__name__ for e in rest.joint.drive.effects] == ["DriveLag"]
+    assert [type(e).__name__ for e in rest.posterior.drive.effects] == ["DriveLag"]
     # The load that is missing leaves sigma2 and vs in a flat valley: from the better start it ends a little lower.
     assert rest.fitted.misfit == pytest.approx(alone.fitted.misfit, rel=1e-2)
     assert rest.fitted.misfit < alone.fitted.misfit * (1.0 + 1e-3)
@@ -92,7 +92,7 @@ def test_an_effect_that_is_not_there_goes(one):
     fewer = bench.search.drop(chain)
     assert [found.row.effect for found in fewer] == ["drive_lag"]
     assert bench.tables.step(fewer[0]).before is one[0]
-    layout = bench.model(fewer[0]).joint.layout
+    layout = bench.model(fewer[0]).posterior.layout
     assert [free.label for free in layout if free.path.startswith("effects.")] == ["time_constant"]
 
 

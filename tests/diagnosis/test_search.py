@@ -46,14 +46,14 @@ def recordings():
 def behind_a_gap(recordings):
     """A rigid model before these recordings, and that model with a second inertia, both with the slow observer."""
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
-    joint, scales = joint.at_bandwidth(SLOW_BANDWIDTH), plant_scales(PLANT, batch)
-    return joint, vector, *extend(joint, vector, effect("Backlash"), scales)
+    posterior, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
+    posterior, scales = posterior.at_bandwidth(SLOW_BANDWIDTH), plant_scales(PLANT, batch)
+    return posterior, vector, *extend(posterior, vector, effect("Backlash"), scales)
 
 
-def _at(joint, vector, numbers):
+def _at(posterior, vector, numbers):
     """`vector` with these numbers of the coupling, and the viscous friction that is left to the motor."""
-    for index, free in enumerate(joint.layout):
+    for index, free in enumerate(posterior.layout):
         if free.parameter.name in numbers and free.path.startswith("effects."):
             value = numbers[free.parameter.name]
             vector = vector.at[index].set(np.log(value) if free.parameter.transform == "log" else value)
@@ -71,30 +71,30 @@ def test_noise_in_stick_shows_the_inertia_of_the_motor_alone(recordings):
 
 
 def test_what_stick_lacks_of_the_inertia_is_the_load(behind_a_gap):
-    joint, vector = behind_a_gap[:2]
+    posterior, vector = behind_a_gap[:2]
     inertia = float(PLANT.J)
-    assert load_ratio(joint, vector, 0.7 * inertia) == pytest.approx(0.3)
-    assert load_ratio(joint, vector, None) is None
-    assert load_ratio(joint, vector, 0.98 * inertia) is None
-    assert load_ratio(joint, vector, 0.05 * inertia) is None
+    assert load_ratio(posterior, vector, 0.7 * inertia) == pytest.approx(0.3)
+    assert load_ratio(posterior, vector, None) is None
+    assert load_ratio(posterior, vector, 0.98 * inertia) is None
+    assert load_ratio(posterior, vector, 0.05 * inertia) is None
     # A fit that ended as light as the machine is in stick tells, too.
     light = vector.at[0].add(np.log(0.6))
-    assert joint.layout[0].path == "J"
-    assert load_ratio(joint, light, None) == pytest.approx(0.4)
+    assert posterior.layout[0].path == "J"
+    assert load_ratio(posterior, light, None) == pytest.approx(0.4)
 
 
 def test_no_fit_sees_what_is_chaotic(behind_a_gap):
-    rigid, start, joint, vector = behind_a_gap
-    true = _at(joint, vector, TRUE | {"drag": DRAG})
-    kept = without_chaos(joint, true)
-    blocks = np.asarray(kept.weights[0]).reshape(joint.batch.block_count.shape)
-    scored = np.asarray(joint.batch.block_count) > 0
+    rigid, start, posterior, vector = behind_a_gap
+    true = _at(posterior, vector, TRUE | {"drag": DRAG})
+    kept = without_chaos(posterior, true)
+    blocks = np.asarray(kept.weights[0]).reshape(posterior.batch.block_count.shape)
+    scored = np.asarray(posterior.batch.block_count) > 0
     left = [np.mean(row[own]) for row, own in zip(blocks, scored, strict=True)]
     assert left[2] < 0.5 < min(left[0], left[3])  # loud noise; quiet noise, moves
     # Everything is judged as before, and what was left out moves nothing.
-    np.testing.assert_array_equal(kept.powers([true])[0], joint.powers([true])[0])
-    before, after = kept.near(true), joint.near(true)
-    lost = losses_of(np.asarray(after.powers[0]), joint.batch)[blocks == 0.0].sum()
+    np.testing.assert_array_equal(kept.powers([true])[0], posterior.powers([true])[0])
+    before, after = kept.near(true), posterior.near(true)
+    lost = losses_of(np.asarray(after.powers[0]), posterior.batch)[blocks == 0.0].sum()
     assert lost > 0.0 and float(before.cost) == pytest.approx(float(after.cost) - lost)
     # A rigid machine answers to the force by less than its noise everywhere.
     whole = without_chaos(rigid, start)
@@ -106,34 +106,34 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
 )
 def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge):
     """From starts that differ by rounding alone, too."""
-    joint, vector = behind_a_gap[2:]
-    found = search_backlash(joint, vector + nudge, DEFLECTION, TRUE["ratio"])
+    posterior, vector = behind_a_gap[2:]
+    found = search_backlash(posterior, vector + nudge, DEFLECTION, TRUE["ratio"])
     assert found is not None
-    side = joint.drive_of(found).load_side
+    side = posterior.drive_of(found).load_side
     assert side is not None
     assert float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
     assert 2.0 * float(side.half_gap) == pytest.approx(TRUE["gap"], rel=0.3)
     assert float(side.drag) == pytest.approx(DRAG, rel=0.3)
     # In all blocks even the truth leaves half: what is chaotic. Where it is not, most of the cost is the missing gap.
-    kept = without_chaos(joint, _at(joint, vector, TRUE | {"drag": DRAG}))
-    assert kept.near(found).cost < 0.4 * kept.near(_at(joint, vector, {"ratio": 1e-6})).cost
+    kept = without_chaos(posterior, _at(posterior, vector, TRUE | {"drag": DRAG}))
+    assert kept.near(found).cost < 0.4 * kept.near(_at(posterior, vector, {"ratio": 1e-6})).cost
 
 
 @pytest.mark.parametrize(
     "nudge", [0.0, *(pytest.param(k * 1e-10, marks=pytest.mark.slow) for k in (1, 2, 3, 4))]
 )
 def test_a_search_without_a_ratio_tries_some(behind_a_gap, nudge):
-    joint, vector = behind_a_gap[2:]
-    found = search_backlash(joint, vector + nudge, DEFLECTION, None)
+    posterior, vector = behind_a_gap[2:]
+    found = search_backlash(posterior, vector + nudge, DEFLECTION, None)
     assert found is not None
-    side = joint.drive_of(found).load_side
+    side = posterior.drive_of(found).load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)
 
 
 def test_a_search_is_given_up_where_no_gap_helps(behind_a_gap):
     """A load that only pushes is no gap; and without sliding nothing tells of one."""
-    joint, vector = behind_a_gap[2:]
-    stick = eqx.tree_at(lambda j: j.fitted, joint, (jnp.array([1.0, 0.0, 0.0, 0.0]),))
+    posterior, vector = behind_a_gap[2:]
+    stick = eqx.tree_at(lambda j: j.fitted, posterior, (jnp.array([1.0, 0.0, 0.0, 0.0]),))
     assert search_backlash(stick, vector, DEFLECTION, 0.3) is None
     pushed = PLANT.with_effects(effect("ConstantLoad", load=0.1 * float(PLANT.friction.Fc)))
     batch = make_batch(experiment(drive=pushed), encoder_step=FINE)
@@ -146,9 +146,9 @@ def test_a_search_is_given_up_where_no_gap_helps(behind_a_gap):
 
 def test_runs_with_a_gap_part_by_more_than_the_force_that_sets_them_apart(behind_a_gap):
     """By the median block, where the force shows: a rigid machine answers to it linearly."""
-    rigid, start, joint, vector = behind_a_gap
+    rigid, start, posterior, vector = behind_a_gap
     plain = scatter(rigid, start, 1e-3)
-    behind = scatter(joint, _at(joint, vector, TRUE | {"drag": DRAG}), 1e-3)
+    behind = scatter(posterior, _at(posterior, vector, TRUE | {"drag": DRAG}), 1e-3)
     seen = plain > 0.1 * plain.max()
     assert np.median(behind[seen] / plain[seen]) > 3.0
 
@@ -183,8 +183,8 @@ def test_a_refit_of_a_gap_begins_where_the_search_ends(behind_a_gap, tested):
     alone = load_ratio(rigid, fitted.vector, None) is not None
     assert any(r.effect == "backlash" for r in without) == alone
     # Of all blocks chaos leaves more than half, with or without a search. In those that the fit sees the gap tells.
-    kept, end = found.model.joint, found.model.fitted
+    kept, end = found.model.posterior, found.model.fitted
     assert end.near.cost < 0.4 * kept.near(_at(kept, end.vector, {"ratio": 1e-6})).cost
-    assert np.any(np.asarray(found.model.joint.weights[0]) < 1.0)
+    assert np.any(np.asarray(found.model.posterior.weights[0]) < 1.0)
     side = found.model.judgement.drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(TRUE["ratio"], rel=CHAOS)

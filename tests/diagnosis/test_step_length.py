@@ -24,8 +24,8 @@ QUIET = 0.02
 def _joint(noise):
     """The true model before recordings that were simulated with eight steps a sample."""
     batch = make_batch(experiment(noise=noise * NOISE, seed=3, substeps=8), encoder_step=noise * FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
-    return joint.at_bandwidth(SLOW_BANDWIDTH), vector
+    posterior, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
+    return posterior.at_bandwidth(SLOW_BANDWIDTH), vector
 
 
 @pytest.fixture(scope="module")
@@ -39,36 +39,36 @@ def test_one_step_is_enough_where_its_error_passes_for_noise():
 
 def test_as_many_steps_as_make_the_error_of_the_integration_pass_for_noise(quiet):
     """One step a sample makes the true model look inadequate beside finest steps; so many do not."""
-    joint, vector = quiet
-    steps = steps_needed(joint, vector)
+    posterior, vector = quiet
+    steps = steps_needed(posterior, vector)
     assert 1 < steps <= MOST
-    one, enough, finest = (with_steps(joint, n).misfits([vector])[0] for n in (1, steps, 16))
+    one, enough, finest = (with_steps(posterior, n).misfits([vector])[0] for n in (1, steps, 16))
     assert one - finest > Rule().limits.adequate
     assert abs(enough - finest) < Rule().limits.adequate
 
 
 def test_blocks_that_no_fit_sees_ask_for_no_steps(quiet):
     """The blocks in which the error of the integration is largest are masked."""
-    joint, vector = quiet
-    one, finest = (with_steps(joint, n).powers([vector])[0] for n in (1, 16))
+    posterior, vector = quiet
+    one, finest = (with_steps(posterior, n).powers([vector])[0] for n in (1, 16))
     error = np.abs(one - finest)
     calm = jnp.asarray(np.where(error < 0.05 * np.quantile(error[error > 0.0], 0.9), 1.0, 0.0))
-    masked = eqx.tree_at(lambda own: own.weights, joint, (joint.weights[0] * calm.ravel(),))
-    assert steps_needed(masked, vector) == 1 < steps_needed(joint, vector)
+    masked = eqx.tree_at(lambda own: own.weights, posterior, (posterior.weights[0] * calm.ravel(),))
+    assert steps_needed(masked, vector) == 1 < steps_needed(posterior, vector)
 
 
 def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
-    joint, vector = quiet
-    finer = with_steps(joint, 2)
+    posterior, vector = quiet
+    finer = with_steps(posterior, 2)
     assert finer.batch.substeps == 2
-    count = len(joint.layout)
-    expected = joint.recordings.standardised(joint.drive_of(vector), vector[count:], finer=2)
+    count = len(posterior.layout)
+    expected = posterior.recordings.standardised(posterior.drive_of(vector), vector[count:], finer=2)
     np.testing.assert_allclose(finer.errors_at([vector])[0], expected, rtol=1e-6, atol=1e-6)
     # An effect of no strength, injected, changes nothing at either.
-    for own in (joint, finer):
+    for own in (posterior, finer):
         present = present_model(own, vector)
         more, longer = extend(
-            present.joint, present.vector, effect("Creep"), plant_scales(PLANT, joint.batch)
+            present.posterior, present.vector, effect("Creep"), plant_scales(PLANT, posterior.batch)
         )
         np.testing.assert_allclose(present.injected([more], [longer])[0], present.e, rtol=1e-6, atol=1e-6)
 
@@ -76,17 +76,17 @@ def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
 def test_a_base_fit_keeps_the_steps_it_needs(quiet):
     recordings = experiment(noise=QUIET * NOISE, seed=3, substeps=8)
     found = base_fit((PLANT,), recordings, encoder_step=QUIET * FINE)
-    joint, vector = quiet
-    steps = steps_needed(joint, vector)
-    assert found.joint.batch.substeps == steps
-    at_the_truth = float(with_steps(joint, steps).misfits([vector])[0])
+    posterior, vector = quiet
+    steps = steps_needed(posterior, vector)
+    assert found.posterior.batch.substeps == steps
+    at_the_truth = float(with_steps(posterior, steps).misfits([vector])[0])
     assert found.fitted.misfit < at_the_truth + 1e-4
 
 
 def test_a_run_that_is_no_number_asks_for_no_steps(quiet):
     """Only what finer steps mend asks for them."""
-    joint, vector = quiet
-    assert steps_needed(joint, vector.at[0].set(jnp.nan)) == 1
+    posterior, vector = quiet
+    assert steps_needed(posterior, vector.at[0].set(jnp.nan)) == 1
 
 
 def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
@@ -109,7 +109,7 @@ def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
     assert batch.substeps == 5
     start = fj.Drive(J=0.1, friction=fj.LuGre(sigma0=1000.0, sigma1=5.0, sigma2=0.02, Fc=1.0, Fs=1.8, vs=0.1))
     found = base_fit((start,), recordings, encoder_step=noise)
-    drive = found.joint.drive_of(found.fitted.vector)
+    drive = found.posterior.drive_of(found.fitted.vector)
     assert found.fitted.misfit < Rule().limits.adequate
     for name in ("sigma0", "sigma1", "Fc", "Fs"):
         np.testing.assert_allclose(getattr(drive.friction, name), getattr(friction, name), rtol=0.02)
@@ -119,18 +119,18 @@ def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():
 def test_the_error_of_the_integration_is_not_significant():
     """A true model before recordings of a fifth of the noise: one step a sample leaves what the tests would take for
     missing physics; by the innovations of finer steps they take it for what it is."""
-    joint, vector = _joint(0.2)
-    present = present_model(joint, vector)
-    assert present.joint.batch.substeps == 1
+    posterior, vector = _joint(0.2)
+    present = present_model(posterior, vector)
+    assert present.posterior.batch.substeps == 1
     coarse = eqx.tree_at(lambda own: own.fine, present, present.e)
-    scales = plant_scales(PLANT, joint.batch)
+    scales = plant_scales(PLANT, posterior.batch)
 
     def smallest(seen):
         weighings = tuple(
             eqx.tree_at(
                 lambda own: own.clusters,
                 weighing,
-                np.asarray(sum_clusters(_weighted(seen, weighing), joint.batch.block)),
+                np.asarray(sum_clusters(_weighted(seen, weighing), posterior.batch.block)),
             )
             for weighing in seen.weighings
         )

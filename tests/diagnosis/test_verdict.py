@@ -313,8 +313,8 @@ def _trial(form, **more):
 def _refitted(form):
     """A candidate that was refitted, as `Refitted` would hold it, and its trial."""
     drive, trial = TABLE_I.with_effects(form()), _trial(form)
-    joint = SimpleNamespace(layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), drive=drive)
-    model = SimpleNamespace(joint=joint)
+    posterior = SimpleNamespace(layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), drive=drive)
+    model = SimpleNamespace(posterior=posterior)
     return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
 
 

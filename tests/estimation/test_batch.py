@@ -135,16 +135,16 @@ def test_padding_changes_no_innovation():
     together, alone = make_batch((short, long), encoder_step=FINE), make_batch((short,), encoder_step=FINE)
     powers = []
     for batch in (together, alone):
-        joint, vector = robust_posterior(PLANT, batch, np.zeros(len(batch.lengths), bool))
-        powers.append(joint.powers([vector])[0][0, :30])
+        posterior, vector = robust_posterior(PLANT, batch, np.zeros(len(batch.lengths), bool))
+        powers.append(posterior.powers([vector])[0][0, :30])
     np.testing.assert_allclose(powers[0], powers[1], rtol=1e-9)
 
 
 def test_a_machine_that_never_moves_gives_no_nan():
     """Every sample the same, and the encoder's step unknown: a level of zero would divide by zero."""
     still = _recording(np.zeros(3000), u=0.1 * np.sin(2 * np.pi * 5.0 * T[:3000]))
-    joint, vector = robust_posterior(PLANT, make_batch((still,)), np.zeros(1, bool))
-    assert np.isfinite(joint.misfits([vector])[0])
+    posterior, vector = robust_posterior(PLANT, make_batch((still,)), np.zeros(1, bool))
+    assert np.isfinite(posterior.misfits([vector])[0])
 
 
 def test_a_recording_of_a_few_samples_is_refused_with_a_sentence():
@@ -167,8 +167,8 @@ def test_each_sample_rate_has_its_own_noise_floor(order):
 
 def _misfit(recordings):
     held_out = np.zeros(len(recordings), bool)
-    joint, vector = robust_posterior(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
-    return joint.at_bandwidth(SLOW_BANDWIDTH).misfits([vector])[0]
+    posterior, vector = robust_posterior(PLANT, make_batch(recordings, encoder_step=FINE), held_out)
+    return posterior.at_bandwidth(SLOW_BANDWIDTH).misfits([vector])[0]
 
 
 def test_measured_temperatures_are_kept_from_the_first_sample_on():

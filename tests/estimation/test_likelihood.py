@@ -115,16 +115,16 @@ def _differences(function, vector, step):
 @pytest.mark.parametrize("knee", [1.0, 20.0])
 def test_the_robust_cost_is_a_cauchy_likelihood(problem, knee):
     """Cost by hand from the block powers; and the gradient is its slope, up to what the Jacobian leaves out."""
-    joint, vector = problem
+    posterior, vector = problem
     away = vector + jnp.asarray([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.1, 0.1])
-    joint = graduated(joint, knee)
-    near = joint.near(away)
-    power, count = joint.powers([away])[0], np.asarray(joint.batch.block_count)
+    posterior = graduated(posterior, knee)
+    near = posterior.near(away)
+    power, count = posterior.powers([away])[0], np.asarray(posterior.batch.block_count)
     np.testing.assert_allclose(near.powers[0], power, rtol=1e-9)
-    off = np.asarray((away - joint.start) * joint.prior)
+    off = np.asarray((away - posterior.start) * posterior.prior)
     cost = np.sum(count * np.log((power + knee) / knee)) + 0.5 * off @ off
     assert float(near.cost) == pytest.approx(cost, rel=1e-9)
-    slope = _differences(lambda q: float(joint.near(jnp.asarray(q)).cost), np.asarray(away), 1e-5)
+    slope = _differences(lambda q: float(posterior.near(jnp.asarray(q)).cost), np.asarray(away), 1e-5)
     size = np.sqrt(np.diag(near.hessian))
     assert np.max(np.abs(np.asarray(near.gradient) - slope) / size) < 0.01 * np.max(np.abs(slope) / size)
     np.testing.assert_allclose(near.hessian, np.asarray(near.hessian).T, rtol=1e-9, atol=1e-6)
@@ -216,23 +216,23 @@ def test_units_have_equal_curvature(problem):
 
 def test_a_robust_descent_ends_where_scipy_does(problem):
     """The same likelihood as residuals sqrt(log((b + 1)/2)) would have; scipy knows its cost alone."""
-    joint, vector = problem
+    posterior, vector = problem
     away = np.asarray(vector) + np.array([0.05, -0.1, 0.2, 0.1, -0.05, 0.1, 0.2, 0.0, 0.1])
-    found = descend(joint, jnp.asarray(away), tolerance=1e-6)
+    found = descend(posterior, jnp.asarray(away), tolerance=1e-6)
     assert found.converged
-    assert found.misfit == pytest.approx(joint.misfits([found.vector])[0], rel=1e-9)
+    assert found.misfit == pytest.approx(posterior.misfits([found.vector])[0], rel=1e-9)
     unit = 1.0 / np.sqrt(np.diag(found.near.hessian))
     ends = minimize(
-        lambda step: float(joint.near(jnp.asarray(np.asarray(found.vector) + unit * step)).cost),
+        lambda step: float(posterior.near(jnp.asarray(np.asarray(found.vector) + unit * step)).cost),
         np.zeros(away.size),
         jac=lambda step: (
-            unit * np.asarray(joint.near(jnp.asarray(np.asarray(found.vector) + unit * step)).gradient)
+            unit * np.asarray(posterior.near(jnp.asarray(np.asarray(found.vector) + unit * step)).gradient)
         ),
         method="BFGS",
         options={"gtol": 1e-2, "maxiter": 40},
     )
     assert float(found.near.cost) < ends.fun + 0.02
-    assert found.misfit < 0.5 * joint.misfits([away])[0]
+    assert found.misfit < 0.5 * posterior.misfits([away])[0]
 
 
 @pytest.mark.parametrize("deflection", [-0.5, 0.3])
@@ -242,10 +242,10 @@ def test_a_known_starting_deflection_is_recovered_in_a_held_out_recording(deflec
     held = open_loop("held", deflection * VOLT + 0.3 * stick_noise(0.9), seed=1, z0=bent)
     at_rest = open_loop("rest", stick_noise(0.9), seed=2)
     batch = make_batch((held, at_rest), encoder_step=FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.array([True, False]))
+    posterior, vector = robust_posterior(PLANT, batch, np.array([True, False]))
     scored = np.asarray(batch.block_count) > 0
-    assert joint.powers([vector])[0][0][scored[0]].mean() > 2.0
-    found = descend(joint, vector)
+    assert posterior.powers([vector])[0][0][scored[0]].mean() > 2.0
+    found = descend(posterior, vector)
     # What the observer has not forgotten after 0.1 s is little: the deflection counts by what it leaves unexplained.
     assert float(found.vector[-2]) == pytest.approx(deflection, abs=0.15)
     assert float(found.vector[-1]) == pytest.approx(0.0, abs=0.02)
@@ -255,10 +255,10 @@ def test_a_known_starting_deflection_is_recovered_in_a_held_out_recording(deflec
 
 def test_no_parameter_sees_a_held_out_recording(batch):
     """Whatever it holds: here its input is another one, and its power dozens of times the noise."""
-    joint, vector = robust_posterior(PLANT, batch, np.array([False, True]))
-    spoiled = eqx.tree_at(lambda j: j.evidence[0].batch.u, joint, batch.u.at[1].multiply(1.2))
+    posterior, vector = robust_posterior(PLANT, batch, np.array([False, True]))
+    spoiled = eqx.tree_at(lambda j: j.evidence[0].batch.u, posterior, batch.u.at[1].multiply(1.2))
     start = vector.at[0].add(0.05)
-    ends = [descend(one, start) for one in (joint, spoiled)]
+    ends = [descend(one, start) for one in (posterior, spoiled)]
     np.testing.assert_allclose(ends[0].vector[:8], ends[1].vector[:8], rtol=0, atol=1e-9)
     assert ends[0].misfit == pytest.approx(ends[1].misfit, rel=1e-9)
     scored = np.asarray(batch.block_count)[1] > 0

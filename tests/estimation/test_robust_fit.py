@@ -102,11 +102,11 @@ def test_standard_errors_carry_units(parameters):
 
 
 def test_the_covariance_is_one(fitted, parameters):
-    joint, near = fitted.joint, fitted.fitted.near
-    evaluations, hessian = joint.evaluated(fitted.fitted.vector), np.asarray(near.hessian)
-    (own,), prior = joint.curvatures(evaluations), np.asarray(joint.prior)
+    posterior, near = fitted.posterior, fitted.fitted.near
+    evaluations, hessian = posterior.evaluated(fitted.fitted.vector), np.asarray(near.hessian)
+    (own,), prior = posterior.curvatures(evaluations), np.asarray(posterior.prior)
     np.testing.assert_allclose(own.sum(axis=0) + np.diag(prior**2), hessian, atol=1e-9 * hessian.max())
-    covariance = covariance_of(joint, evaluations, near)
+    covariance = covariance_of(posterior, evaluations, near)
     assert covariance.shape == (11, 11)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12 * np.max(covariance))
     assert np.min(np.linalg.eigvalsh(covariance)) > -1e-9 * np.max(np.diag(covariance))
@@ -117,10 +117,10 @@ def test_the_covariance_is_one(fitted, parameters):
 
 def test_clusters_add_up_to_the_gradient(fitted):
     """But for the prior, the gradient of the cost that was brought down is the sum over clusters of 0.5 s."""
-    joint, vector = fitted.joint, fitted.fitted.vector
+    posterior, vector = fitted.posterior, fitted.fitted.vector
     clusters = np.asarray(fitted.fitted.near.clusters[0])
-    off = (vector - joint.start) * joint.prior**2
-    gradient = np.asarray(joint.near(vector).gradient - off)
+    off = (vector - posterior.start) * posterior.prior**2
+    gradient = np.asarray(posterior.near(vector).gradient - off)
     size = np.sqrt(np.sum(np.asarray(clusters) ** 2, axis=0))
     np.testing.assert_allclose(np.sum(clusters, axis=0) / size, gradient / size, atol=1e-9)
 
@@ -134,7 +134,7 @@ def test_progress_is_reported_in_order(fitted, reported):
 
 def test_new_numbers_do_not_compile_again(fitted):
     """Numbers are data: new recordings of the same shapes, and new starts, go through the same programs."""
-    start = fitted.joint.drive
+    start = fitted.posterior.drive
     base_fit((start, start), experiment(seed=1))
     clock = CompileClock()
     again = base_fit((_other_start(J=1.02), _other_start(J=0.9, Fc=1.1, vs=2.0)), experiment(seed=2))
@@ -146,7 +146,7 @@ def test_new_numbers_do_not_compile_again(fitted):
 
 
 def test_the_best_of_several_starts_goes_on(fitted, parameters):
-    first = fitted.joint.drive
+    first = fitted.posterior.drive
     hopeless = eqx.tree_at(
         lambda d: (d.friction.sigma0, d.friction.vs),
         first,
@@ -192,29 +192,30 @@ def quiet():
     return robust_posterior(PLANT, make_batch((recording,), encoder_step=FINE), np.zeros(1, bool))
 
 
-def _ended(joint, vector, ending=Ending.AT_REST):
-    fitted = Fitted(vector, joint.near(vector), float(joint.misfits([vector])[0]), ending)
-    return Model(joint, fitted, judge(joint, fitted))
+def _ended(posterior, vector, ending=Ending.AT_REST):
+    fitted = Fitted(vector, posterior.near(vector), float(posterior.misfits([vector])[0]), ending)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 def test_messages_are_sentences(quiet):
-    joint, vector = quiet
-    assert message_of(_ended(joint, vector)) == ""
+    posterior, vector = quiet
+    assert message_of(_ended(posterior, vector)) == ""
     assert (
-        message_of(_ended(joint, vector, Ending.STEPS)) == "The fit stopped while still improving slightly."
+        message_of(_ended(posterior, vector, Ending.STEPS))
+        == "The fit stopped while still improving slightly."
     )
-    end = _ended(joint, vector.at[0].set(joint.start[0] + 2.0))
+    end = _ended(posterior, vector.at[0].set(posterior.start[0] + 2.0))
     assert message_of(end) == "At the end of its range: J."
     assert not parameters_of(end, UNITS)["J"].identified
     assert parameters_of(end, UNITS)["J"].stderr == float("inf")
-    lost = parameters_of(_ended(joint, vector.at[0].set(jnp.nan)), UNITS)
+    lost = parameters_of(_ended(posterior, vector.at[0].set(jnp.nan)), UNITS)
     assert not any(estimate.identified for estimate in lost.values())
 
 
 def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_minimum(quiet):
     """A lag in units of a sample may have to grow forty-fold; logarithms go 1.5 at most."""
-    joint, vector = quiet
-    more, longer = extend(joint, vector, effect("FrictionLag"), plant_scales(PLANT, joint.batch))
+    posterior, vector = quiet
+    more, longer = extend(posterior, vector, effect("FrictionLag"), plant_scales(PLANT, posterior.batch))
     place = len(more.layout) - 1
     for now, longest in ((0.0, 1.5), (20.0, 20.0)):
         near = more.near(longer)
@@ -236,15 +237,15 @@ def test_an_elastic_core_that_starts_bent_is_found_in_a_held_out_recording():
     )
     batch = make_batch(recordings, encoder_step=FINE)
     scales = plant_scales(PLANT, batch)
-    joint, vector = robust_posterior(drive, batch, np.array([False, True]), scales=scales)
-    found = descend(joint.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
+    posterior, vector = robust_posterior(drive, batch, np.array([False, True]), scales=scales)
+    found = descend(posterior.at_bandwidth(SLOW_BANDWIDTH), vector, graduate=False)
     assert float(found.vector[-1]) == pytest.approx(0.05, rel=0.02)
     assert float(np.median(np.asarray(found.near.powers[0])[1])) == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_descent_from_an_overflow_ends_where_it_began(quiet):
-    joint, vector = quiet
-    found = descend(joint, vector.at[0].set(jnp.nan))
+    posterior, vector = quiet
+    found = descend(posterior, vector.at[0].set(jnp.nan))
     assert not found.converged
     assert found.misfit == float("inf")
     assert np.isnan(found.vector[0])
@@ -273,14 +274,14 @@ def test_every_free_parameter_has_a_row_of_its_own(quiet):
 
 def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
     """`extend` keeps ranges, prior and observer; the parameters stand before the starting deflections."""
-    joint, vector = quiet
+    posterior, vector = quiet
     vector = vector.at[0].add(0.01).at[-1].set(0.1)
-    more, longer = extend(joint, vector, effect("Creep"), plant_scales(PLANT, joint.batch))
-    assert [free.label for free in more.layout[len(joint.layout) :]] == ["compliance", "time_constant"]
+    more, longer = extend(posterior, vector, effect("Creep"), plant_scales(PLANT, posterior.batch))
+    assert [free.label for free in more.layout[len(posterior.layout) :]] == ["compliance", "time_constant"]
     assert longer.shape[0] == vector.shape[0] + 2
     assert float(longer[-1]) == 0.1
-    assert more.misfits([longer])[0] == pytest.approx(joint.misfits([vector])[0], rel=1e-9)
-    assert float(more.near(longer).cost) == pytest.approx(float(joint.near(vector).cost), rel=1e-9)
+    assert more.misfits([longer])[0] == pytest.approx(posterior.misfits([vector])[0], rel=1e-9)
+    assert float(more.near(longer).cost) == pytest.approx(float(posterior.near(vector).cost), rel=1e-9)
 
 
 @pytest.mark.slow
@@ -295,8 +296,8 @@ def test_sliding_alone_recovers_the_truth():
 def test_finer_steps_take_out_what_one_step_a_sample_costs():
     """Simulated with sixteen steps a sample and a fiftieth of the noise: a descent takes one step, and is biased."""
     batch = make_batch(experiment(noise=0.02 * NOISE, seed=3, substeps=16), encoder_step=0.02 * FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    posterior, vector = robust_posterior(PLANT, batch, np.zeros(4, bool))
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     found = descend(slow, vector, graduate=False)
     parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
     coarse, expected = truth(slow.drive_of(found.vector)), truth(PLANT)
@@ -311,29 +312,29 @@ def test_finer_steps_take_out_what_one_step_a_sample_costs():
 
 def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
-    joint, vector = fitted.joint, fitted.fitted.vector
+    posterior, vector = fitted.posterior, fitted.fitted.vector
     away = vector.at[1].add(0.5)
-    kept, led_away = at_finer_steps(joint, away, joint.near(away), joint.evaluated(away)[0])
+    kept, led_away = at_finer_steps(posterior, away, posterior.near(away), posterior.evaluated(away)[0])
     np.testing.assert_array_equal(kept, away)
     assert led_away
     far = reported_parameters(
-        Model(joint, Fitted(away, joint.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
+        Model(posterior, Fitted(away, posterior.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
     )
     assert far[1].startswith("The parameters are those of few integration steps a sample")
     assert reported_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda near: near.hessian, fitted.fitted.near, fitted.fitted.near.hessian * np.nan)
-    kept, led_away = at_finer_steps(joint, vector, lost, joint.evaluated(vector)[0])
+    kept, led_away = at_finer_steps(posterior, vector, lost, posterior.evaluated(vector)[0])
     np.testing.assert_array_equal(kept, vector)
     assert not led_away
 
 
 @pytest.mark.slow
 def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
-    scales = plant_scales(PLANT, fitted.joint.batch)
+    scales = plant_scales(PLANT, fitted.posterior.batch)
     for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
-        joint, vector = extend(fitted.joint, fitted.fitted.vector, effect(name), scales)
-        with_effect = Fitted(vector, joint.near(vector), 0.0, Ending.AT_REST)
-        model = Model(joint, with_effect, judge(joint, with_effect))
+        posterior, vector = extend(fitted.posterior, fitted.fitted.vector, effect(name), scales)
+        with_effect = Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST)
+        model = Model(posterior, with_effect, judge(posterior, with_effect))
         told = reported_parameters(model, UNITS)[1]
         assert told.startswith(said)
         assert bool(told) == bool(said)
@@ -344,9 +345,9 @@ def test_an_effect_is_fitted_with_the_base():
     drive = PLANT.with_effects(effect("ConstantLoad", load=0.06))
     batch = make_batch(experiment(drive=drive, seed=4), encoder_step=FINE)
     start = PLANT.with_effects(effect("ConstantLoad"))
-    joint, vector = robust_posterior(start, batch, np.zeros(4, bool), scales=plant_scales(PLANT, batch))
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
-    found = descend(slow, descend(joint, vector).vector, graduate=False)
+    posterior, vector = robust_posterior(start, batch, np.zeros(4, bool), scales=plant_scales(PLANT, batch))
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
+    found = descend(slow, descend(posterior, vector).vector, graduate=False)
     assert found.converged
     parameters = parameters_of(Model(slow, found, judge(slow, found)), UNITS)
     _recovered(parameters, truth(PLANT) | {"load": 0.06})

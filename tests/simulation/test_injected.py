@@ -32,8 +32,8 @@ def present():
         dataclasses.replace(r, temperature=20.0 + 10.0 * np.linspace(0.0, 1.0, r.x.size)) for r in recordings
     )
     batch = make_batch(recordings, encoder_step=FINE)
-    joint, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
-    return present_model(joint, vector), plant_scales(PLANT, batch)
+    posterior, vector = robust_posterior(PLANT, batch, np.zeros(2, bool))
+    return present_model(posterior, vector), plant_scales(PLANT, batch)
 
 
 def change(errors, present):
@@ -53,11 +53,11 @@ def test_signals_do_what_the_effect_does(present, form):
         else:
             unit = nuisance.scale if isinstance(nuisance.scale, float) else scales[str(nuisance.scale)]
             nuisances[nuisance.name] = unit * nuisance.grid[0]
-    joint, vector = extend(present.joint, present.vector, FORMS[form](**nuisances), scales)
-    place = len(present.joint.layout)
+    posterior, vector = extend(present.posterior, present.vector, FORMS[form](**nuisances), scales)
+    place = len(present.posterior.layout)
     stepped = vector.at[place].add(0.2 * FORMS[form].strengths[0].probes[0])
-    told = change(present.injected([joint], [stepped]), present)
-    true = change(joint.errors_at([stepped]), present)
+    told = change(present.injected([posterior], [stepped]), present)
+    true = change(posterior.errors_at([stepped]), present)
     size = np.sqrt(np.mean(true**2))
     near, nearest = LOOSE.get(form, (NEAR, NEAREST))
     assert size > 0.0
@@ -67,23 +67,23 @@ def test_signals_do_what_the_effect_does(present, form):
 
 def test_without_an_effect_the_signals_change_nothing(present):
     present, scales = present
-    joint, vector = extend(present.joint, present.vector, FORMS["ConstantLoad"](), scales)
-    np.testing.assert_allclose(change(present.injected([joint], [vector]), present), 0.0, atol=1e-9)
+    posterior, vector = extend(present.posterior, present.vector, FORMS["ConstantLoad"](), scales)
+    np.testing.assert_allclose(change(present.injected([posterior], [vector]), present), 0.0, atol=1e-9)
     assert jnp.all(jnp.isfinite(present.e))
 
 
 def test_effects_that_go_together_do_what_each_does_alone(present):
     """Blocks of one to three vectors, in pairs and a last one alone; one has more vectors than there are lanes."""
     present, scales = present
-    place, blocks = len(present.joint.layout), []
+    place, blocks = len(present.posterior.layout), []
     for form, count in (("ConstantLoad", 2), ("Delay", 1), ("Creep", BESIDE + 1), ("DirectionAsymmetry", 3)):
-        joint, vector = extend(present.joint, present.vector, FORMS[form](), scales)
+        posterior, vector = extend(present.posterior, present.vector, FORMS[form](), scales)
         steps = 0.1 * (1.0 + np.arange(count)) * FORMS[form].strengths[0].probes[0]
-        blocks.append(([joint] * count, [vector.at[place].add(step) for step in steps]))
+        blocks.append(([posterior] * count, [vector.at[place].add(step) for step in steps]))
     together = list(present.lanes(blocks))
     assert [len(errors) for errors in together] == [BESIDE, BESIDE, BESIDE + 1, BESIDE]
-    for errors, (joints, vectors) in zip(together, blocks, strict=True):
-        for number, (joint, vector) in enumerate(zip(joints, vectors, strict=True)):
-            alone = present.injected([joint], [vector])[0]
+    for errors, (posteriors, vectors) in zip(together, blocks, strict=True):
+        for number, (posterior, vector) in enumerate(zip(posteriors, vectors, strict=True)):
+            alone = present.injected([posterior], [vector])[0]
             assert float(jnp.max(jnp.abs(alone - present.e))) > 1e-3
             np.testing.assert_allclose(errors[number], alone, rtol=1e-9, atol=1e-9)

@@ -141,8 +141,8 @@ def _force(gain, asked):
     gain, asked = np.array([gain], float), np.array([asked], float)
     ones = np.ones((1, *gain.shape))
     found = Answer(gain, ones, gain[None], 0.0 * ones)
-    joint = SimpleNamespace(batch=SimpleNamespace(block_count=np.ones_like(gain)), fitted=(np.ones(1),))
-    return lambda rule: round(force_noise(1.0 + gain * asked**2, found, joint, rule=rule), 7)
+    posterior = SimpleNamespace(batch=SimpleNamespace(block_count=np.ones_like(gain)), fitted=(np.ones(1),))
+    return lambda rule: round(force_noise(1.0 + gain * asked**2, found, posterior, rule=rule), 7)
 
 
 def _energy(rule):
@@ -165,8 +165,8 @@ def _excused(rule):
 
 
 def _colour(rule):
-    joint = SimpleNamespace(batch=SimpleNamespace(block_count=np.ones((1, 5))))
-    return float(colour(np.full((1, 5), 9.0), np.ones((1, 5)), joint, rule=rule)[0, 0])
+    posterior = SimpleNamespace(batch=SimpleNamespace(block_count=np.ones((1, 5))))
+    return float(colour(np.full((1, 5), 9.0), np.ones((1, 5)), posterior, rule=rule)[0, 0])
 
 
 @functools.cache

@@ -46,8 +46,8 @@ def world(*names):
         recordings.append(open_loop("stick", stick_noise(1.2, seed=seed), seed=seed, drive=drive, role=role))
         recordings.append(open_loop("moves", pushes(seed), seed=seed + 1, drive=drive, role=role))
     batch = make_batch(tuple(recordings), encoder_step=FINE)
-    joint, vector = robust_posterior(PLANT, batch, HELD_OUT)
-    return converged(joint.at_bandwidth(SLOW_BANDWIDTH), vector), plant_scales(PLANT, batch)
+    posterior, vector = robust_posterior(PLANT, batch, HELD_OUT)
+    return converged(posterior.at_bandwidth(SLOW_BANDWIDTH), vector), plant_scales(PLANT, batch)
 
 
 def pushes(seed):
@@ -56,9 +56,9 @@ def pushes(seed):
     return 1.6 * np.sin(2 * np.pi * (2.0 + 0.3 * seed) * t) + 0.4 * np.sin(2 * np.pi * 7.0 * t)
 
 
-def converged(joint, vector):
-    fitted = descend(joint, vector, graduate=False)
-    return Model(joint, fitted, judge(joint, fitted))
+def converged(posterior, vector):
+    fitted = descend(posterior, vector, graduate=False)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 _FITTED = {}
@@ -68,7 +68,7 @@ def with_effect(model, name, scales):
     """The `model` and one effect more, fitted."""
     key = id(model), name
     if key not in _FITTED:
-        fitted = converged(*extend(model.joint, model.fitted.vector, SILENT[name], scales))
+        fitted = converged(*extend(model.posterior, model.fitted.vector, SILENT[name], scales))
         _FITTED[key] = model, fitted  # while the model is kept no other one has its identity
     return _FITTED[key][1]
 
@@ -91,7 +91,7 @@ class Bench:
         self._base = base
 
     def _answer(self):
-        return answer_to_force(self._base.joint, self._base.fitted.vector)
+        return answer_to_force(self._base.posterior, self._base.fitted.vector)
 
     def related(self, model, names):
         self.asked.append(names)

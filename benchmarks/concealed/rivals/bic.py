@@ -18,11 +18,11 @@ from frictionjax.estimation.objective.posterior import Posterior
 _STEPS = 6
 
 
-def criterion(joint: Posterior, fitted: Fitted) -> float:
+def criterion(posterior: Posterior, fitted: Fitted) -> float:
     """BIC: twice the negative log-likelihood, plus log n for each parameter."""
-    rows = np.asarray(joint.fitted[0])[:, None]
-    samples = float(np.sum(np.asarray(joint.batch.block_count) * rows))
-    return 2.0 * fitted.misfit * samples + len(joint.layout) * float(np.log(samples))
+    rows = np.asarray(posterior.fitted[0])[:, None]
+    samples = float(np.sum(np.asarray(posterior.batch.block_count) * rows))
+    return 2.0 * fitted.misfit * samples + len(posterior.layout) * float(np.log(samples))
 
 
 def by_bic(ground: Ground, seconds: float) -> dict:
@@ -35,14 +35,14 @@ def by_bic(ground: Ground, seconds: float) -> dict:
         if key not in best or value > best[key][0]:
             best[key] = value, column
     ordered = sorted(best.values(), key=lambda pair: -pair[0])
-    joint, start = ground.present.joint, ground.present.vector
-    found = {"": criterion(joint, descend(joint, start, graduate=False, steps=_STEPS))}
+    posterior, start = ground.present.posterior, ground.present.vector
+    found = {"": criterion(posterior, descend(posterior, start, graduate=False, steps=_STEPS))}
     tried = 0
     for _, column in ordered:
         if time.perf_counter() > until:
             break
-        fitted = descend(column.joint, jnp.asarray(column.vector), graduate=False, steps=_STEPS)
-        value = criterion(column.joint, fitted)
+        fitted = descend(column.posterior, jnp.asarray(column.vector), graduate=False, steps=_STEPS)
+        value = criterion(column.posterior, fitted)
         found[column.effect] = min(value, found.get(column.effect, np.inf))
         tried += 1
     first = min(found, key=lambda name: found[name])

@@ -99,9 +99,9 @@ def fitted_force(ground: Ground) -> tuple[FreeForm, tuple[float, int] | None]:
     """The free-form force of the fitted recordings, and penalty and number of roofs that predict best what is left out
     (None when no force at all predicts better)."""
     motion, friction = ground.present.motion, ground.drive.friction
-    inside = np.asarray(ground.present.joint.batch.valid) > 0
+    inside = np.asarray(ground.present.posterior.batch.valid) > 0
     force = ground.base_view.force[~ground.held_out]
-    dt = np.asarray(ground.present.joint.batch.dt)
+    dt = np.asarray(ground.present.posterior.batch.dt)
     x = np.asarray(motion.x)
     speed = np.arcsinh(np.asarray(motion.v) / float(friction.vs))
     bend = np.asarray(motion.spring) / float(friction.Fs)

@@ -27,27 +27,27 @@ class Column:
 
     effect: str
     form: AbstractEffect
-    joint: Posterior
+    posterior: Posterior
     vector: np.ndarray
     values: np.ndarray
 
 
 @dataclass(frozen=True)
 class Ground:
-    """The base model `drive` before the recordings of a `case`; `joint` and `vector` are the library's form of it."""
+    """The base model `drive` before the recordings of a `case`; `posterior` and `vector` say the same to the library."""
 
     case: fj.Case
     drive: fj.Drive
     batch: Batch
     held_out: np.ndarray
-    joint: Posterior
+    posterior: Posterior
     vector: np.ndarray
     scales: dict[str, float] = field(repr=False)
 
     @cached_property
     def present(self) -> Present:
         """The base model before the fitted recordings: innovations, weights, Jacobian, motion."""
-        return present_model(self.joint, jnp.asarray(self.vector))
+        return present_model(self.posterior, jnp.asarray(self.vector))
 
     @cached_property
     def scene(self) -> Scene:
@@ -75,9 +75,9 @@ class Ground:
     @cached_property
     def columns(self) -> list[Column]:
         """One column set for every form of every effect of the catalogue, at every point of its grid."""
-        present, dt = self.present, np.asarray(self.present.joint.batch.dt)
-        speed = np.gradient(np.asarray(present.joint.batch.x), axis=1) / dt[:, None]
-        e, batch = np.nan_to_num(np.asarray(present.e)), present.joint.batch
+        present, dt = self.present, np.asarray(self.present.posterior.batch.dt)
+        speed = np.gradient(np.asarray(present.posterior.batch.x), axis=1) / dt[:, None]
+        e, batch = np.nan_to_num(np.asarray(present.e)), present.posterior.batch
         periods = {
             "odd_period": wavelengths(e, speed, batch, odd=True).periods,
             "even_period": wavelengths(e, speed, batch, odd=False).periods,
@@ -93,22 +93,22 @@ class Ground:
     def _columns_of(self, form: type[AbstractEffect], periods: dict) -> list[Column]:
         present, stepped, sets = self.present, [], []
         for instance in forms_to_try(form, self.scales, periods):
-            joint, vector = extend(present.joint, present.vector, instance, self.scales)
+            posterior, vector = extend(present.posterior, present.vector, instance, self.scales)
             names = {strength.name: strength.probes[0] for strength in instance.strengths}
-            added = range(len(present.joint.layout), len(joint.layout))
-            where = [(i, names[p.name]) for i in added if (p := joint.layout[i].parameter).name in names]
-            sets.append((instance, joint, vector, [size for _, size in where]))
-            stepped += [(joint, vector.at[i].add(size)) for i, size in where]
+            added = range(len(present.posterior.layout), len(posterior.layout))
+            where = [(i, names[p.name]) for i in added if (p := posterior.layout[i].parameter).name in names]
+            sets.append((instance, posterior, vector, [size for _, size in where]))
+            stepped += [(posterior, vector.at[i].add(size)) for i, size in where]
         if not stepped:
             return []
-        changed = present.injected([joint for joint, _ in stepped], [vector for _, vector in stepped])
+        changed = present.injected([posterior for posterior, _ in stepped], [vector for _, vector in stepped])
         changes = np.asarray(changed - present.e[None])
         found, first = [], 0
-        for instance, joint, vector, sizes in sets:
+        for instance, posterior, vector, sizes in sets:
             own = changes[first : first + len(sizes)] / np.asarray(sizes)[:, None, None]
             first += len(sizes)
             if np.all(np.isfinite(own)):
-                found.append(Column(form.name, instance, joint, np.asarray(vector), own))
+                found.append(Column(form.name, instance, posterior, np.asarray(vector), own))
         return found
 
 
@@ -119,6 +119,6 @@ def ground_of(case: fj.Case, base: dict[str, float]) -> Ground:
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=case.plant.encoder_step)
     held_out = np.array([r.role == "holdout" for r in recordings])
-    joint, vector = robust_posterior(drive, batch, held_out, known_inertia=case.plant.inertia is not None)
+    posterior, vector = robust_posterior(drive, batch, held_out, known_inertia=case.plant.inertia is not None)
     scales = plant_scales(drive, batch)
-    return Ground(case, drive, batch, held_out, joint, np.asarray(vector), scales)
+    return Ground(case, drive, batch, held_out, posterior, np.asarray(vector), scales)

@@ -94,7 +94,7 @@ def _library(ground: Ground, force: np.ndarray) -> list[tuple[str, np.ndarray]]:
 def by_sparse_regression(ground: Ground) -> dict:
     """The effect whose terms are largest, or none; what all chosen terms explain, and what each effect's carry (terms
     that are alike may cancel: these do not add up)."""
-    inside = np.asarray(ground.present.joint.batch.valid) > 0
+    inside = np.asarray(ground.present.posterior.batch.valid) > 0
     force = ground.base_view.force[~ground.held_out]
     library = _library(ground, force)
     # The smoothed force has a bandwidth of 25 Hz: every fifth sample of the fastest rate in use holds all of it.

@@ -37,7 +37,7 @@ class Credibility(NamedTuple):
 
 def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
     """Compare the fitted `model` with a prediction of constant velocity, by the numbers of the `rule`."""
-    posterior = model.joint
+    posterior = model.posterior
     reference = np.asarray(posterior.batch.block_mean(posterior.recordings.without_model() ** 2))
     power, count = model.judgement.power, np.asarray(posterior.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)

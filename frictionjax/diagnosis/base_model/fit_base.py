@@ -124,7 +124,9 @@ def reported_parameters(
     error is still in them, or that the stated errors are too small; empty when there is none. A model that is `lacking`
     an effect is not corrected for the integration error: the missing effect biases its parameters by far more."""
     chaotic = is_chaotic(model)
-    posterior, fitted = (model.joint, model.fitted) if chaotic else _predictable_only(model, force, rule=rule)
+    posterior, fitted = (
+        (model.posterior, model.fitted) if chaotic else _predictable_only(model, force, rule=rule)
+    )
     vector, coarse, evaluations = fitted.vector, False, posterior.evaluated(fitted.vector)
     if not lacking:
         vector, coarse = at_finer_steps(posterior, fitted.vector, fitted.near, evaluations[0])
@@ -137,7 +139,7 @@ def reported_parameters(
 def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, Fitted]:
     """The `model` fitted again without the blocks that a `force` makes unpredictable, by the `rule`; unchanged where
     there are none, or where the other blocks hardly determine one of its parameters."""
-    posterior, fitted = model.joint, model.fitted
+    posterior, fitted = model.posterior, model.fitted
     if force == 0.0 or posterior.batch.imposed:
         return posterior, fitted
     reduced, some = predictable(posterior, fitted.vector, force, rule=rule)
@@ -156,7 +158,7 @@ def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Poster
 def message_of(model: Model) -> str:
     """The warning that the fit of `model` did not converge, or that parameters stopped at a bound; empty when there is
     none."""
-    posterior, count = model.joint, len(model.joint.layout)
+    posterior, count = model.posterior, len(model.posterior.layout)
     bounded = at_a_bound(posterior.layout, model.fitted.vector[:count], posterior.start[:count])
     ending = [model.fitted.ending.value] if model.fitted.ending.value else []
     return " ".join(ending + ([f"At a bound of its range: {', '.join(bounded)}."] if bounded else []))

@@ -9,10 +9,10 @@ from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
 
 
 class Model(eqx.Module):
-    """A fitted structure: its posterior `joint` (with the slow observer), the result of the descent, `fitted`, and its
+    """A fitted structure: its `posterior` (with the slow observer), the result of the descent, `fitted`, and its
     `judgement`."""
 
-    joint: Posterior
+    posterior: Posterior
     fitted: Fitted
     judgement: Judgement
 

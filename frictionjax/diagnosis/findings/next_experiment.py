@@ -69,13 +69,13 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     **Raises:** `InputError` where there is nothing to design: two forms of one effect, runs that overflow, or motions
     that are imposed.
     """
-    if accepted.model.joint.batch.imposed:
+    if accepted.model.posterior.batch.imposed:
         raise InputError(
             "the motion is imposed, and the standard experiments apply a force",
             cure="Impose slower and faster motions, small loops inside large ones, and rests.",
         )
     drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
-    batch = accepted.model.joint.batch
+    batch = accepted.model.posterior.batch
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
     without = Drive(drive.J, drive.friction, drive.motor_constant, drive.effects[:-1])
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)

@@ -39,7 +39,7 @@ class ResidualModel(eqx.Module):
 
 def _spot(present: Present) -> tuple[float, float] | None:
     """Middle and half width of the part of the stroke with most of the excess; None where that is much of it."""
-    batch, e = present.joint.batch, np.nan_to_num(np.asarray(present.e))
+    batch, e = present.posterior.batch, np.nan_to_num(np.asarray(present.e))
     inside = np.asarray(batch.valid) > 0
     x, excess = np.asarray(batch.x)[inside], np.maximum(e[inside] ** 2 - 1.0, 0.0)
     order = np.argsort(x)
@@ -79,8 +79,8 @@ def residual_model(
 
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
-    scales = plant_scales(model.judgement.drive, model.joint.batch)
-    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    scales = plant_scales(model.judgement.drive, model.posterior.batch)
+    fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
     present = present_model(fast, model.fitted.vector)
     spot, own = _spot(present), effort.refitting
 

@@ -34,25 +34,29 @@ _LEAST_LEFT = 0.05  # of the viscous friction that stays with the motor
 
 
 def load_ratio(
-    joint: Posterior, vector: Float[Array, " q"], stick_inertia: float | None, *, effort: Effort = Effort()
+    posterior: Posterior,
+    vector: Float[Array, " q"],
+    stick_inertia: float | None,
+    *,
+    effort: Effort = Effort(),
 ) -> float | None:
     """Part of the inertia that stick lacks, of the model `vector`: from the inertia at which its fit started, where it
     ended, and the `stick_inertia` that noise in stick showed, where there was any; None where they agree."""
-    inertias = [float(joint.drive_of(joint.start).J), float(joint.drive_of(vector).J)]
+    inertias = [float(posterior.drive_of(posterior.start).J), float(posterior.drive_of(vector).J)]
     inertias += [stick_inertia] if stick_inertia is not None else []
     ratio = 1.0 - min(inertias) / max(inertias)
     return ratio if effort.backlash.lightest < ratio < effort.backlash.heaviest else None
 
 
-def without_chaos(joint: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Posterior:
-    """`joint` without the blocks in which two runs of the model `vector` part under a small unmeasured force: what is
-    chaotic is not fitted."""
-    whole = eqx.tree_at(lambda j: j.weights, joint, (jnp.ones_like(joint.weights[0]),))
+def without_chaos(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Posterior:
+    """`posterior` without the blocks in which two runs of the model `vector` part under a small unmeasured force:
+    what is chaotic is not fitted."""
+    whole = eqx.tree_at(lambda j: j.weights, posterior, (jnp.ones_like(posterior.weights[0]),))
     return predictable(whole, vector, gap_force(0.0, rule), draws=1, rule=rule)[0]
 
 
 def search_backlash(
-    joint: Posterior,
+    posterior: Posterior,
     vector: Float[Array, " q"],
     deflection: float,
     ratio: float | None,
@@ -64,7 +68,7 @@ def search_backlash(
 
     **Arguments:**
 
-    - `joint`: a model whose last effect is a second inertia behind a gap.
+    - `posterior`: a model whose last effect is a second inertia behind a gap.
     - `vector`: the rigid machine, shape `(q,)`.
     - `deflection`: of the bristle at break-away, position units.
     - `ratio`: of the load to the whole (`load_ratio`); None: several are tried.
@@ -74,38 +78,38 @@ def search_backlash(
     none.
     """
     own = effort.backlash
-    rows = _sliding(joint.batch, deflection, own) * np.asarray(joint.fitted[0])
+    rows = _sliding(posterior.batch, deflection, own) * np.asarray(posterior.fitted[0])
     if not np.any(rows):
         return None
     gaps = np.geomspace(own.narrowest, own.widest, own.gaps) * deflection
     grid = [
         model
         for one in (own.ratios if ratio is None else (ratio,))
-        for model in _around(_free_load(joint, vector, one), joint, gaps, own.shares)
+        for model in _around(_free_load(posterior, vector, one), posterior, gaps, own.shares)
     ]
-    found, _ = _best(joint, grid, rows, own.turns[0][0])
+    found, _ = _best(posterior, grid, rows, own.turns[0][0])
     for turn, (scale, width) in enumerate(own.turns):
-        calm = without_chaos(joint, found, rule=rule)
+        calm = without_chaos(posterior, found, rule=rule)
         found = descend(calm, found, steps=own.steps, tolerance=own.tolerance).vector
-        side = joint.drive_of(found).load_side
+        side = posterior.drive_of(found).load_side
         assert side is not None
         if not float(side.ratio) > 0.0:
             return None
         gaps = 2.0 * float(side.half_gap) * np.exp(np.linspace(-width, width, own.finer_gaps))
-        shares = _share(joint.drive_of(found)) + width * np.linspace(-0.5, 0.5, own.finer_shares)
-        finer = _around(found, joint, gaps, shares[(shares > 0.0) & (shares < 1.0)])
-        found, cost = _best(joint, [found, *finer], rows, scale)
+        shares = _share(posterior.drive_of(found)) + width * np.linspace(-0.5, 0.5, own.finer_shares)
+        finer = _around(found, posterior, gaps, shares[(shares > 0.0) & (shares < 1.0)])
+        found, cost = _best(posterior, [found, *finer], rows, scale)
         if turn == 0:
-            rigid = misfit_of(joint.powers([vector])[0], rows, joint.batch, scale)
+            rigid = misfit_of(posterior.powers([vector])[0], rows, posterior.batch, scale)
             at_noise = 0.5 * np.log((1.0 + scale) / (2.0 * scale))
             if cost > rigid - own.least_gain * (rigid - at_noise):
                 return None
     return found
 
 
-def heavier(joint: Posterior, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
+def heavier(posterior: Posterior, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
     """`vector` with the inertia `times` as large, where it is free; stiffness and damping stay what they were."""
-    places, more = {free.path: place for place, free in enumerate(joint.layout)}, float(np.log(times))
+    places, more = {free.path: place for place, free in enumerate(posterior.layout)}, float(np.log(times))
     if "J" not in places:
         return vector
     shifts = {"J": more, "friction.sigma0": -more, "friction.sigma1": -0.5 * more}
@@ -124,41 +128,41 @@ def _sliding(batch: AbstractBatch, deflection: float, budget: Backlash) -> Float
     return np.where(far > budget.slides * np.sum(scored, axis=1), 1.0, 0.0)
 
 
-def _free_load(joint: Posterior, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
+def _free_load(posterior: Posterior, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
     """`vector` with a load of this `ratio`, and with the inertia of sliding: stiffness and damping stay what they
     were."""
-    place = len(joint.drive.effects) - 1
-    new = _with(joint, vector, {"ratio": ratio, "frequency": _FREQUENCY, "damping": _DAMPING}, place)
+    place = len(posterior.drive.effects) - 1
+    new = _with(posterior, vector, {"ratio": ratio, "frequency": _FREQUENCY, "damping": _DAMPING}, place)
     # The fit of a rigid machine ends as heavy as it was in sliding, where it started, or as light as in stick.
-    now, first = (float(joint.drive_of(one).J) for one in (vector, joint.start))
-    return heavier(joint, new, max(now, first) / now)
+    now, first = (float(posterior.drive_of(one).J) for one in (vector, posterior.start))
+    return heavier(posterior, new, max(now, first) / now)
 
 
 def _around(
     vector: Float[Array, " q"],
-    joint: Posterior,
+    posterior: Posterior,
     gaps: Float[np.ndarray, " g"],
     shares: Sequence[float] | Float[np.ndarray, " s"],
 ) -> list[Float[Array, " q"]]:
     """`vector` at each of the `gaps` (position units), with each of these `shares` of the viscous friction the
     load's."""
-    drive, place = joint.drive_of(vector), len(joint.drive.effects) - 1
+    drive, place = posterior.drive_of(vector), len(posterior.drive.effects) - 1
     viscous, inertia = _viscous(drive), float(drive.load_side.ratio * drive.J)  # type: ignore[union-attr]
     models = []
     for gap, share in itertools.product(gaps, shares):
-        new = _with(joint, vector, {"gap": gap, "drag": share * viscous / inertia}, place)
+        new = _with(posterior, vector, {"gap": gap, "drag": share * viscous / inertia}, place)
         left = max(1.0 - share, _LEAST_LEFT) * viscous
-        sigma2 = next(i for i, free in enumerate(joint.layout) if free.path == "friction.sigma2")
+        sigma2 = next(i for i, free in enumerate(posterior.layout) if free.path == "friction.sigma2")
         models.append(new.at[sigma2].add(np.log(left / float(drive.friction.sigma2))))
     return models
 
 
 def _with(
-    joint: Posterior, vector: Float[Array, " q"], values: dict[str, float], place: int
+    posterior: Posterior, vector: Float[Array, " q"], values: dict[str, float], place: int
 ) -> Float[Array, " q"]:
     """`vector` with these values of the effect at the `place`."""
     new = np.array(vector)
-    for index, free in enumerate(joint.layout):
+    for index, free in enumerate(posterior.layout):
         name = free.parameter.name
         if free.path == f"effects.{place}.{name}" and name in values:
             log = free.parameter.transform == "log"
@@ -167,10 +171,10 @@ def _with(
 
 
 def _best(
-    joint: Posterior, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], scale: float
+    posterior: Posterior, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], scale: float
 ) -> tuple[Float[Array, " q"], float]:
     """The best of the `models` by the recordings `rows` with a Cauchy loss of the power `scale`, and its cost."""
-    costs = [misfit_of(power, rows, joint.batch, scale) for power in joint.powers(models)]
+    costs = [misfit_of(power, rows, posterior.batch, scale) for power in posterior.powers(models)]
     best = int(np.argmin(costs))
     return models[best], costs[best]
 

@@ -46,37 +46,39 @@ class Start:
         """Objective and vector of the model with the silent effect of the `trial`."""
         return extend(self.fast, self.model.fitted.vector, trial.form, self.scales)
 
-    def own(self, joint: Posterior) -> slice:
-        """Places of the candidate's own parameters in a vector of its objective `joint`."""
-        return slice(len(self.model.joint.layout), len(joint.layout))
+    def own(self, posterior: Posterior) -> slice:
+        """Places of the candidate's own parameters in a vector of its objective `posterior`."""
+        return slice(len(self.model.posterior.layout), len(posterior.layout))
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """A candidate under way: the `trial` that it comes from, its objective `joint`, and where it is, `fitted`."""
+    """A candidate under way: the `trial` that it comes from, its objective `posterior`, and where it is, `fitted`."""
 
     trial: Trial
-    joint: Posterior
+    posterior: Posterior
     fitted: Fitted
 
 
 def first_descent(start: Start, trial: Trial) -> Candidate:
     """The first steps of the candidate of a `trial`: from its one-step estimate and, where these leave much, from the
     other starts of its effect."""
-    joint, alone = start.extended(trial)
-    vector = _placed(joint, alone, trial.vector)
+    posterior, alone = start.extended(trial)
+    vector = _placed(posterior, alone, trial.vector)
     if start.graduate:
-        return Candidate(trial, joint, _lowest(start, joint, [vector, *_other_starts(start, joint, vector)]))
-    found = _first_steps(start, joint, [vector])
+        return Candidate(
+            trial, posterior, _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
+        )
+    found = _first_steps(start, posterior, [vector])
     budget = start.effort.refitting
     if not found.misfit > max(budget.far, budget.settled * start.misfit):
-        return Candidate(trial, joint, found)
+        return Candidate(trial, posterior, found)
     # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
-    own, with_load = start.own(joint), isinstance(trial.form, AbstractLoadEffect)
-    others = _other_starts(start, joint, alone)
-    others = [uncoupled(joint, one) if with_load else one for one in others]
-    other = _first_steps(start, joint, [changed(alone, own, np.asarray(trial.vector)[own]), *others])
-    return Candidate(trial, joint, min(found, other, key=lambda fitted: fitted.misfit))
+    own, with_load = start.own(posterior), isinstance(trial.form, AbstractLoadEffect)
+    others = _other_starts(start, posterior, alone)
+    others = [uncoupled(posterior, one) if with_load else one for one in others]
+    other = _first_steps(start, posterior, [changed(alone, own, np.asarray(trial.vector)[own]), *others])
+    return Candidate(trial, posterior, min(found, other, key=lambda fitted: fitted.misfit))
 
 
 def further(start: Start, candidate: Candidate) -> Candidate:
@@ -85,21 +87,23 @@ def further(start: Start, candidate: Candidate) -> Candidate:
     if start.graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
         return candidate
     steps = budget.steps - budget.first_steps
-    fitted = descend(candidate.joint, found.vector, graduate=False, steps=steps, tolerance=budget.tolerance)
+    fitted = descend(
+        candidate.posterior, found.vector, graduate=False, steps=steps, tolerance=budget.tolerance
+    )
     return dataclasses.replace(candidate, fitted=fitted)
 
 
 def at_the_resonance(start: Start, candidate: Candidate) -> Candidate:
     """The `candidate`, or a better end of it from where the base fit started, with as much of the effect as its test
     promised, or as the resonance shows."""
-    trial, joint, own = candidate.trial, candidate.joint, start.own(candidate.joint)
-    vector = changed(joint.start, own, np.asarray(trial.vector)[own])
+    trial, posterior, own = candidate.trial, candidate.posterior, start.own(candidate.posterior)
+    vector = changed(posterior.start, own, np.asarray(trial.vector)[own])
     if start.pair is not None and isinstance(trial.form, AbstractLoadEffect):
         shown = {"ratio": start.pair.ratio, "frequency": np.log(start.pair.frequency)}
         for place in range(own.start, own.stop):
-            name = joint.layout[place].parameter.name
+            name = posterior.layout[place].parameter.name
             vector = changed(vector, place, shown[name]) if name in shown else vector
-    other = _lowest(start, joint, [vector, *_other_starts(start, joint, vector)])
+    other = _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
     return dataclasses.replace(
         candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
     )
@@ -107,30 +111,30 @@ def at_the_resonance(start: Start, candidate: Candidate) -> Candidate:
 
 def along_the_minimum(start: Start, trial: Trial) -> Candidate:
     """The candidate of a `trial` that base parameters can undo, from a plain size and base parameters that undo it."""
-    joint, vector = start.extended(trial)
+    posterior, vector = start.extended(trial)
     budget = start.effort.refitting
-    first = _placed(joint, vector, trial.valley)
+    first = _placed(posterior, vector, trial.valley)
     return Candidate(
-        trial, joint, descend(joint, first, steps=budget.first_steps, tolerance=budget.tolerance)
+        trial, posterior, descend(posterior, first, steps=budget.first_steps, tolerance=budget.tolerance)
     )
 
 
 def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
     """The candidate of a `trial` with a gap, searched; None where no gap predicts sliding better."""
-    joint, vector = start.extended(trial)
-    slow = joint.at_bandwidth(SLOW_BANDWIDTH)
+    posterior, vector = start.extended(trial)
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     found = search_backlash(
         slow, vector, start.scales["zs"], start.ratio, rule=start.rule, effort=start.effort
     )
     if found is None:
         return None
-    return Candidate(trial, joint, descend(joint, found, graduate=False, steps=0))
+    return Candidate(trial, posterior, descend(posterior, found, graduate=False, steps=0))
 
 
 def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
     """The `candidate` after its last descent, with the slow observer, and judged."""
     found, rule = candidate.fitted.vector, start.rule
-    slow = candidate.joint.at_bandwidth(SLOW_BANDWIDTH)
+    slow = candidate.posterior.at_bandwidth(SLOW_BANDWIDTH)
     if has_contacts(candidate.trial.form):
         # Contacts are shorter than anything else in the machine.
         slow = without_chaos(slow, found, rule=rule)
@@ -140,27 +144,27 @@ def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
     return Refitted(candidate.trial, Model(slow, fitted, judge(slow, fitted)))
 
 
-def uncoupled(joint: Posterior, vector: Vector) -> Vector:
+def uncoupled(posterior: Posterior, vector: Vector) -> Vector:
     """`vector` of a machine with a second inertia, with the inertia that it has taken for that of the motor alone, as
     it shows where the load is free in its gap most of the time: J is larger, stiffness and damping are what they
     were."""
-    load = joint.drive_of(vector).load_side
+    load = posterior.drive_of(vector).load_side
     assert load is not None
-    return heavier(joint, vector, 1.0 / (1.0 - load.ratio))
+    return heavier(posterior, vector, 1.0 / (1.0 - load.ratio))
 
 
-def _placed(joint: Posterior, vector: Vector, estimate: Float[Array, " p"]) -> Vector:
+def _placed(posterior: Posterior, vector: Vector, estimate: Float[Array, " p"]) -> Vector:
     """`vector` with the `estimate` of a test: parameters, and the starting deflections of the fitted recordings."""
-    count, rows = len(joint.layout), np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
+    count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
     places = np.concatenate([np.arange(count), count + rows])
     return changed(vector, places, estimate)
 
 
-def _other_starts(start: Start, joint: Posterior, vector: Vector) -> list[Vector]:
+def _other_starts(start: Start, posterior: Posterior, vector: Vector) -> list[Vector]:
     """`vector` with the parameters of the effect where a refit of it starts besides."""
-    other, own = vector, start.own(joint)
+    other, own = vector, start.own(posterior)
     for place in range(own.start, own.stop):
-        parameter = joint.layout[place].parameter
+        parameter = posterior.layout[place].parameter
         if parameter.other_start is None:
             continue
         scale = parameter.scale
@@ -171,19 +175,19 @@ def _other_starts(start: Start, joint: Posterior, vector: Vector) -> list[Vector
     return [] if other is vector else [other]
 
 
-def _lowest(start: Start, joint: Posterior, starts: list[Vector]) -> Fitted:
+def _lowest(start: Start, posterior: Posterior, starts: list[Vector]) -> Fitted:
     """The lowest end of descents from the `starts` that begin with a wide loss."""
     budget = start.effort.refitting
-    ends = [descend(joint, one, steps=budget.steps, tolerance=budget.tolerance) for one in starts]
+    ends = [descend(posterior, one, steps=budget.steps, tolerance=budget.tolerance) for one in starts]
     return min(ends, key=lambda fitted: fitted.misfit)
 
 
-def _first_steps(start: Start, joint: Posterior, starts: list[Vector]) -> Fitted:
+def _first_steps(start: Start, posterior: Posterior, starts: list[Vector]) -> Fitted:
     """The lowest end of the first steps from the `starts`."""
     budget = start.effort.refitting
     # From a step that gains a wide loss leads no further than the noise's own.
     ends = [
-        descend(joint, one, graduate=False, steps=budget.first_steps, tolerance=budget.tolerance)
+        descend(posterior, one, graduate=False, steps=budget.first_steps, tolerance=budget.tolerance)
         for one in starts
     ]
     return min(ends, key=lambda fitted: fitted.misfit)

@@ -77,15 +77,15 @@ def refit_all(
     if not trials:
         return []
     budget = effort.refitting
-    fast = model.joint.at_bandwidth(FAST_BANDWIDTH)
+    fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
     start = Start(
         model=model,
         fast=fast,
         misfit=float(fast.misfits([model.fitted.vector])[0]),
         scales=scales,
         # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
-        graduate=model.joint.batch.imposed,
-        ratio=load_ratio(model.joint, model.fitted.vector, hints.stick_inertia, effort=effort),
+        graduate=model.posterior.batch.imposed,
+        ratio=load_ratio(model.posterior, model.fitted.vector, hints.stick_inertia, effort=effort),
         pair=hints.pair,
         rule=rule,
         effort=effort,
@@ -107,7 +107,7 @@ def _from_other_starts(
     most = budget.left * start.misfit
     # A model that has effects already has left the minimum that the base model came to rest in.
     stuck = min(one.fitted.misfit for one in candidates) > most and start.misfit > budget.far
-    if stuck and not start.model.joint.drive.effects:
+    if stuck and not start.model.posterior.drive.effects:
         candidates = _foremost(candidates, start, budget.near)
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
@@ -125,7 +125,7 @@ def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]
     """Those of the `candidates` that go on with the slow observer: near the best gain, the best of each form."""
     budget = start.effort.refitting
     gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
-    if start.model.joint.drive.effects and gains.max() < budget.hopeless * start.misfit:
+    if start.model.posterior.drive.effects and gains.max() < budget.hopeless * start.misfit:
         # One of them goes on, to be shown; none will be named beside the effects that are.
         best = int(np.argmax(gains))
         candidates, gains = [candidates[best]], gains[best:][:1]

@@ -35,8 +35,10 @@ class Refitted(eqx.Module):
 def polish(candidate: Refitted, *, effort: Effort = Effort()) -> Refitted:
     """The same refit, converged: for those that may be named."""
     model = candidate.model
-    fitted = descend(model.joint, model.fitted.vector, graduate=False, steps=effort.refitting.polish_steps)
-    return Refitted(candidate.trial, Model(model.joint, fitted, judge(model.joint, fitted)))
+    fitted = descend(
+        model.posterior, model.fitted.vector, graduate=False, steps=effort.refitting.polish_steps
+    )
+    return Refitted(candidate.trial, Model(model.posterior, fitted, judge(model.posterior, fitted)))
 
 
 def ease(model: Model, *, rule: Rule = Rule(), effort: Effort = Effort()) -> Model:
@@ -47,16 +49,16 @@ def ease(model: Model, *, rule: Rule = Rule(), effort: Effort = Effort()) -> Mod
     Against the noise the cost of a block is the logarithm of its error. A model that is everywhere fifty times worse
     would be fitted to the blocks in which its error happens to pass through zero.
     """
-    batch = model.joint.batch
+    batch = model.posterior.batch
     if not batch.imposed:
         return model
-    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.joint.fitted[0])[:, None] > 0)
+    scored = (np.asarray(batch.block_count) > 0) & (np.asarray(model.posterior.fitted[0])[:, None] > 0)
     wanted, now = ease_of(model.judgement.power[scored], rule), batch.ease  # type: ignore[attr-defined]
     if abs(np.log(wanted / float(now[0]))) < effort.refitting.eased:
         return model
-    joint = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.joint, jnp.full_like(now, wanted))
-    fitted = descend(joint, model.fitted.vector, graduate=False)
-    return Model(joint, fitted, judge(joint, fitted))
+    posterior = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.posterior, jnp.full_like(now, wanted))
+    fitted = descend(posterior, model.fitted.vector, graduate=False)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 def ease_of(power: np.ndarray, rule: Rule) -> float:

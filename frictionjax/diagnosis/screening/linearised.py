@@ -46,14 +46,14 @@ class Weighing(eqx.Module):
 class Present(eqx.Module):
     """The model to which effects are added, with the fitted recordings alone.
 
-    **Attributes:** its posterior `joint`, the fitted `vector` and the `drive` there, `e` (innovations, shape `(r, n)`),
+    **Attributes:** its `posterior`, the fitted `vector` and the `drive` there, `e` (innovations, shape `(r, n)`),
     `fine` (the same at finer integration steps: these are tested, since the integration error of few steps, a fraction
     of the noise, is significant in long recordings), `weighings` (one for each scale of the loss), `misfit`, `samples`
     (number scored), `motion` (states and forces along the observed motion, arrays of shape `(r, n)`; None where the
     motion is imposed).
     """
 
-    joint: Posterior
+    posterior: Posterior
     vector: Float[Array, " q"]
     drive: Drive
     e: Float[Array, "r n"]
@@ -92,8 +92,8 @@ class Present(eqx.Module):
     ) -> tuple[Float[Array, "k p"], Signals]:
         """The `vectors` without the coordinates of the effect, and the signals of the effect at each of them."""
         assert self.motion is not None
-        old, more = len(self.joint.layout), len(posteriors[0].layout)
-        drive, batch = self.drive, self.joint.batch
+        old, more = len(self.posterior.layout), len(posteriors[0].layout)
+        drive, batch = self.drive, self.posterior.batch
         each = [_effect_at(one, vector) for one, vector in zip(posteriors, vectors, strict=True)]
         effects = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
         model = (drive.friction, drive.J, drive.motor_constant)
@@ -108,7 +108,7 @@ class Present(eqx.Module):
         push = Push(self.motion.push, self.motion.rise)
         filled = [*blocks, *[blocks[-1]] * (_TOGETHER - len(blocks))]
         vectors, signals = zip(*filled, strict=True)
-        return _injected_lanes(self.joint, vectors, push, signals)[: len(blocks)]
+        return _injected_lanes(self.posterior, vectors, push, signals)[: len(blocks)]
 
     def injected(
         self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]

@@ -35,8 +35,8 @@ _NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standar
 class Trial(eqx.Module):
     """One effect form tested at one value of its nuisances with one finite step.
 
-    **Attributes:** `effect` (name), `form` (the effect at zero strength), `joint`, `vector` (the best one-step vector),
-    `gain` (drop of the misfit when that vector is simulated), `linear_gain` (drop promised by the regression),
+    **Attributes:** `effect` (name), `form` (the effect at zero strength), `posterior`, `vector` (the best one-step
+    vector), `gain` (drop of the misfit when that vector is simulated), `linear_gain` (drop promised by the regression),
     `p_value` (clustered score test), `one_step` and `detectable` (strength name -> one-step estimate, smallest
     detectable size, in the strength's unit); `shown` (power per sample of what the finite step does to the
     innovations), `absorbed` (the part of it that the present parameters can undo), `valley` (the vector after that step
@@ -45,7 +45,7 @@ class Trial(eqx.Module):
 
     effect: str = eqx.field(static=True)
     form: AbstractEffect
-    joint: Posterior
+    posterior: Posterior
     vector: Float[Array, " q"]
     gain: float
     linear_gain: float
@@ -103,7 +103,7 @@ class Promise(NamedTuple):
     """What the regression on one finite step promises; `simulated` makes a `Trial` of it."""
 
     form: AbstractEffect
-    joint: Posterior
+    posterior: Posterior
     where: tuple[int, ...]
     candidates: list
     linear_gain: float
@@ -118,7 +118,7 @@ class _Probe(NamedTuple):
     """One finite step: where in the layout, and how far in each of these."""
 
     form: AbstractEffect
-    joint: Posterior
+    posterior: Posterior
     vector: Array
     where: tuple[int, ...]
     sizes: tuple[float, ...]
@@ -167,7 +167,7 @@ def promises_of(
         steps = [size for probe in probes for size in probe.sizes]
         sizes[: len(steps)] = steps
         good, products = _regressed(
-            errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.joint.batch.block
+            errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.posterior.batch.block
         )
         good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
         first = 0
@@ -187,13 +187,13 @@ def lots(items: Sequence[_T], size: int) -> list[Sequence[_T]]:
 
 def _steps(probes: list[_Probe]) -> tuple[list[Posterior], list[np.ndarray]]:
     """Posterior and vector of each step of the `probes`."""
-    joints = [probe.joint for probe in probes for _ in probe.where]
+    posteriors = [probe.posterior for probe in probes for _ in probe.where]
     vectors = [
         _further(probe.vector, place, size)
         for probe in probes
         for place, size in zip(probe.where, probe.sizes, strict=True)
     ]
-    return joints, vectors
+    return posteriors, vectors
 
 
 def _further(vector: Array, place: int, size: float) -> np.ndarray:
@@ -219,24 +219,24 @@ def _part(product, own: slice):
 
 
 def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
-    joint, vector = extend(present.joint, present.vector, instance, scales, present.drive)
+    posterior, vector = extend(present.posterior, present.vector, instance, scales, present.drive)
     names = [strength.name for strength in instance.strengths]
     where = [
         i
-        for i in range(len(present.joint.layout), len(joint.layout))
-        if joint.layout[i].parameter.name in names
+        for i in range(len(present.posterior.layout), len(posterior.layout))
+        if posterior.layout[i].parameter.name in names
     ]
-    strengths = [joint.layout[i].parameter for i in where]
+    strengths = [posterior.layout[i].parameter for i in where]
     if len(where) == 1:
         steps = [((where[0],), (size,)) for size in strengths[0].probes]
     else:
         steps = [(tuple(where), tuple(p.probes[0] for p in strengths))]
-    return [_Probe(instance, joint, vector, *step) for step in steps]
+    return [_Probe(instance, posterior, vector, *step) for step in steps]
 
 
 def _promise(present: Present, probe: _Probe, products) -> Promise:
-    joint, vector, where = probe.joint, np.asarray(probe.vector), probe.where
-    old, count, size = len(present.joint.layout), len(joint.layout), len(probe.where)
+    posterior, vector, where = probe.posterior, np.asarray(probe.vector), probe.where
+    old, count, size = len(present.posterior.layout), len(posterior.layout), len(probe.where)
     recordings = vector.shape[0] - count
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
@@ -267,14 +267,14 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
             projected = clusters - weighing.clusters @ coefficients
             projected = merged(projected, recordings)
             p_value = _score_test(projected)
-            if size == 1 and joint.layout[where[0]].parameter.lower == 0.0:
+            if size == 1 and posterior.layout[where[0]].parameter.lower == 0.0:
                 # A strength that cannot be negative is tested on its own side.
                 p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value
             information = np.linalg.pinv(gram, hermitian=True)[-size:, -size:]
             spread = np.sqrt(np.diag(information @ (projected.T @ projected) @ information))
             # What does nothing to these recordings would not be seen at any size.
             spread = np.where(np.diag(own) > _NOTHING, spread, np.inf)
-    return Promise(probe.form, joint, where, candidates, linear, p_value, spread, shown, absorbed, valley)
+    return Promise(probe.form, posterior, where, candidates, linear, p_value, spread, shown, absorbed, valley)
 
 
 def simulated(present: Present, promised: Sequence[list[Promise]], least: float) -> list[list[Trial]]:
@@ -288,10 +288,10 @@ def simulated(present: Present, promised: Sequence[list[Promise]], least: float)
     ]
     best: list[dict[int, tuple[float, np.ndarray]]] = [{} for _ in promised]
     runs = present.lanes(
-        ([promised[number][rank].joint for rank, _ in some], [vector for _, vector in some])
+        ([promised[number][rank].posterior for rank, _ in some], [vector for _, vector in some])
         for number, some in blocks
     )
-    fitted, batch = np.asarray(present.joint.fitted[0]), present.joint.batch
+    fitted, batch = np.asarray(present.posterior.fitted[0]), present.posterior.batch
     for (number, some), errors in zip(blocks, runs, strict=True):
         powers = np.asarray(lane_powers(errors, batch))[: len(some)]
         for (rank, vector), power in zip(some, powers, strict=True):
@@ -300,7 +300,7 @@ def simulated(present: Present, promised: Sequence[list[Promise]], least: float)
                 best[number][rank] = gain, vector
     return [
         [
-            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.joint.start))))
+            _trial(promise, *found.get(rank, (-np.inf, np.asarray(promise.posterior.start))))
             for rank, promise in enumerate(promises)
         ]
         for promises, found in zip(promised, best, strict=True)
@@ -318,11 +318,11 @@ def _worth_it(promises: list[Promise], least: float) -> list[tuple[int, np.ndarr
 
 
 def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
-    free = [promise.joint.layout[i] for i in promise.where]
+    free = [promise.posterior.layout[i] for i in promise.where]
     return Trial(
         effect=promise.form.name,
         form=promise.form,
-        joint=promise.joint,
+        posterior=promise.posterior,
         vector=jnp.asarray(vector),
         gain=gain,
         linear_gain=promise.linear_gain,

@@ -43,7 +43,7 @@ def try_catalogue(
     misses all regimes alike (`level_out`).
     """
     presents = _presents(model, executor, effort)
-    present, batch = presents[0], presents[0].joint.batch
+    present, batch = presents[0], presents[0].posterior.batch
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
     waves = {
@@ -51,7 +51,7 @@ def try_catalogue(
         "even_period": wavelengths(e, speed, batch, odd=False),
         "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
     }
-    inside = model.joint.drive.effects
+    inside = model.posterior.drive.effects
     forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
     forms = [form for form in forms if form.__name__ not in without]
     if any(isinstance(effect, AbstractLoadEffect) for effect in inside):
@@ -94,7 +94,7 @@ def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
 
 def _presents(model: Model, executor: Executor, effort: Effort) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
-    fast, vector = model.joint.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
+    fast, vector = model.posterior.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
     present = executor.submit(present_model, fast, vector)
     if fast.batch.imposed or fast.misfits([vector])[0] < effort.screening.level:
         return [present.result()]

@@ -87,7 +87,7 @@ def table_of_candidates(
         between=between([refit.model.judgement for refit in refits], ground.floor),
         force=ground.force,
         excused=ground.excused,
-        imposed=model.joint.batch.imposed,
+        imposed=model.posterior.batch.imposed,
     )
 
 
@@ -109,13 +109,13 @@ def ground_of(
     - `rule`: the numbers of `Rule.floor`.
     """
     powers = [model.judgement.power, *(r.model.judgement.power for r in refits)]
-    quiet = np.min([quietness(power, answer, model.joint) for power in powers], axis=0)
-    force = min(force_noise(power, answer, model.joint, quiet, rule=rule) for power in powers)
+    quiet = np.min([quietness(power, answer, model.posterior) for power in powers], axis=0)
+    force = min(force_noise(power, answer, model.posterior, quiet, rule=rule) for power in powers)
     # What raises all of a recording alike, by little, whatever the model, is no physics.
     floor = floor_of(force, answer, quiet)
-    floor = floor * np.min([colour(power, floor, model.joint, rule=rule) for power in powers], axis=0)
+    floor = floor * np.min([colour(power, floor, model.posterior, rule=rule) for power in powers], axis=0)
     # Errors that do not count in the fits do not count here either.
-    floor = np.maximum(floor, model.joint.batch.eased[:, None])
+    floor = np.maximum(floor, model.posterior.batch.eased[:, None])
     if is_chaotic(model):
         return Ground(floor if before is None else np.maximum(floor, before), force, False)
     best = _best(model, refits, floor, rule)
@@ -126,7 +126,7 @@ def ground_of(
     if not may_excuse(explained_where_predictable(model, found, floor, rule=rule), rule):
         return Ground(floor, force, False)
     # Where in its gap the load begins is not known: that parts two runs where no force does.
-    own = scatter(found.joint, found.fitted.vector, gap_force(force, rule))
+    own = scatter(found.posterior, found.fitted.vector, gap_force(force, rule))
     raised = excused_floor(model.judgement, floor, quiet + own, rule=rule)
     # What a gap excuses must not let in another candidate, to which it does not belong.
     keeps = raised is not floor and keeps_the_best(model, refits, floor, raised, rule=rule)
@@ -164,7 +164,7 @@ def explained_where_predictable(
 
     **Arguments:** `before` and `found`, two models; the `floor`; the `rule`.
     """
-    kept = np.asarray(found.joint.weights[0]).reshape(found.judgement.power.shape) > 0.0
+    kept = np.asarray(found.posterior.weights[0]).reshape(found.judgement.power.shape) > 0.0
     ends = [
         eqx.tree_at(lambda j: j.power, model.judgement, np.where(kept, model.judgement.power, floor))
         for model in (before, found)

@@ -82,7 +82,7 @@ class Candidates:
 
     def _polished(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
         """The `refits`, the best first; the two best converged where their last steps may decide between them."""
-        budget, least = self.effort.refitting, model.joint.batch.eased[:, None]
+        budget, least = self.effort.refitting, model.posterior.batch.eased[:, None]
         worth = {
             id(refit): compare(model.judgement, refit.model.judgement, least, rule=self.rule)
             .gains(self.rule)
@@ -103,7 +103,7 @@ class Candidates:
         the base model has come to rest in a corner, and no step from there says what would gain after many."""
         budget, misfits = self.effort.screening, model.judgement.misfits(np.ones((1, 1)))
         far = max(misfits) > budget.far
-        cornered = model.joint.batch.imposed and min(misfits) > budget.cornered
+        cornered = model.posterior.batch.imposed and min(misfits) > budget.cornered
         chosen = []
         for some in tried:
             open_to = [trial for trial in some if trial.effect not in self.barred]
@@ -120,10 +120,10 @@ def better_base(model: Model, refits: list[Refitted], *, effort: Effort = Effort
     A model with something missing has several minima; a refit that left a bad one must not get the credit for it. How
     much better it must be is in the `effort`.
     """
-    slow = model.joint.at_bandwidth(SLOW_BANDWIDTH)
+    slow = model.posterior.at_bandwidth(SLOW_BANDWIDTH)
     count, own = len(slow.layout), model.fitted.misfit
     starts = [
-        jnp.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.joint.layout))))
+        jnp.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.posterior.layout))))
         for r in refits
     ]
     if not starts:

@@ -148,7 +148,7 @@ class RefittedTables:
         own, full = chain[place], self.accepted(chain[-1]).model
         others = [number for number in range(len(chain)) if number != place]
         rest = with_some(self._made[chain[0].table.key].before, full, others, self._scales)
-        inside = {type(effect).name for effect in rest.joint.drive.effects}
+        inside = {type(effect).name for effect in rest.posterior.drive.effects}
         trials, refits = self._refits.related(rest, confused_with(own.row.effect) - inside)
         asked = asked_of_move("swap", chain, place)
         self._rest[asked] = rest
@@ -252,7 +252,7 @@ class RefittedTables:
                 misfit_errors=row.misfit_errors,
                 chaotic=is_chaotic(before),
                 rows=(row,),
-                imposed=before.joint.batch.imposed,
+                imposed=before.posterior.batch.imposed,
             )
         )
         return row
@@ -270,27 +270,27 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
 
     It starts once with the other parameters of `full` and once with those of `base`, and the better end is returned.
     """
-    effects = full.joint.drive_of(full.fitted.vector).effects
-    count, deflections = len(base.joint.layout), full.fitted.vector[len(full.joint.layout) :]
+    effects = full.posterior.drive_of(full.fitted.vector).effects
+    count, deflections = len(base.posterior.layout), full.fitted.vector[len(full.posterior.layout) :]
     # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
-    own = full.joint
-    empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.joint, (own.evidence, own.weights))
+    own = full.posterior
+    empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.posterior, (own.evidence, own.weights))
     ends: list[tuple[Posterior, Fitted]] = []
     for vector in (jnp.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
-        joint = empty
+        posterior = empty
         for place in places:
-            joint, vector = extend(joint, vector, effects[place], scales)
-        ends.append((joint, descend(joint, vector, graduate=False)))
-    joint, fitted = min(ends, key=lambda end: end[1].misfit)
-    return Model(joint, fitted, judge(joint, fitted))
+            posterior, vector = extend(posterior, vector, effects[place], scales)
+        ends.append((posterior, descend(posterior, vector, graduate=False)))
+    posterior, fitted = min(ends, key=lambda end: end[1].misfit)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 def fitted_to_all(model: Model) -> Model:
     """The `model` fitted to all recordings, the held-out ones included, and judged as before."""
-    joint = eqx.tree_at(lambda j: j.fitted, model.joint, (jnp.ones_like(model.joint.fitted[0]),))
-    fitted = descend(joint, model.fitted.vector, graduate=False)
-    judgement = eqx.tree_at(lambda j: j.held_out, judge(joint, fitted), model.judgement.held_out)
-    return Model(joint, fitted, judgement)
+    posterior = eqx.tree_at(lambda j: j.fitted, model.posterior, (jnp.ones_like(model.posterior.fitted[0]),))
+    fitted = descend(posterior, model.fitted.vector, graduate=False)
+    judgement = eqx.tree_at(lambda j: j.held_out, judge(posterior, fitted), model.judgement.held_out)
+    return Model(posterior, fitted, judgement)
 
 
 def confused_with(effect: str) -> frozenset[str]:

@@ -58,13 +58,13 @@ def select(
     - `effort`: how much is tested and refitted.
     """
     model = ease(model, rule=rule, effort=effort)
-    joint = model.joint
-    scales = plant_scales(model.judgement.drive, joint.batch)
-    answering = executor.submit(answer_to_force, joint, model.fitted.vector, rule=rule)
+    posterior = model.posterior
+    scales = plant_scales(model.judgement.drive, posterior.batch)
+    answering = executor.submit(answer_to_force, posterior, model.fitted.vector, rule=rule)
     pair = None
-    if not joint.batch.imposed:
-        fitted = np.flatnonzero(np.asarray(joint.fitted[0]) > 0)
-        pair = resonance_pair(joint.batch, fitted)  # type: ignore[arg-type]
+    if not posterior.batch.imposed:
+        fitted = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
+        pair = resonance_pair(posterior.batch, fitted)  # type: ignore[arg-type]
     candidates = Candidates(executor, progress, scales, pair, without, barred, stick_inertia, rule, effort)
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)
