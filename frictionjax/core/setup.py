@@ -82,8 +82,8 @@ def configure_jax(*, cpu_devices: int | None = None) -> None:
 
 
 _CPUINFO = Path("/proc/cpuinfo")
-# What tells one processor from another there, on x86 and on Arm; the other lines are clock rates and core numbers.
-_TELLING = (
+# Lines of it that name the model and its instructions, on x86 and on Arm; the others are clock rates and core numbers.
+_CPU_FIELDS = (
     "vendor",
     "cpu family",
     "model",
@@ -99,7 +99,7 @@ def _processor() -> str:
     """The model and the instructions of this processor, in the words of the system."""
     if _CPUINFO.exists():
         lines = _CPUINFO.read_text(errors="replace").split("\n\n")[0].splitlines()
-        found = [line for line in lines if line.startswith(_TELLING)]
+        found = [line for line in lines if line.startswith(_CPU_FIELDS)]
         if found:
             return "\n".join(found)
     if platform.system() == "Darwin":
@@ -108,7 +108,7 @@ def _processor() -> str:
     return platform.processor()
 
 
-def _one_machine() -> str:
+def _platform_folder() -> str:
     """The name of a folder for what this jaxlib compiles for this processor.
 
     XLA compiles for the processor at hand, and a program of one with more instructions crashes the process that runs
@@ -118,7 +118,7 @@ def _one_machine() -> str:
     return f"{platform.machine()}-{digest}-jaxlib-{version('jaxlib')}"
 
 
-def _is_ours(folder: Path) -> bool:
+def _is_own(folder: Path) -> bool:
     """Whether what lies in `folder` can have come from this user alone, and more can be added."""
     owned = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
     return owned and os.access(folder, os.W_OK)
@@ -128,7 +128,7 @@ def keep_compiled(folder: Path | None = None) -> None:
     """Keep what JAX compiles in `folder` (default: the user's cache), so that later processes with the same shapes
     do not compile again.
 
-    Each model of processor and each version of jaxlib has a folder of its own in there. What has been chosen already
+    Each model of processor and each version of jaxlib has a folder of its own in there. A cache that is set already
     stays (`JAX_COMPILATION_CACHE_DIR` or JAX's own setting), and where the folder cannot be written or belongs to
     another user, whose programs are not run, nothing is kept. Like `configure_jax` it affects the whole process; the
     program `frictionjax` calls it.
@@ -136,12 +136,12 @@ def keep_compiled(folder: Path | None = None) -> None:
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
         return
     folder = user_cache_path("frictionjax") / "compiled" if folder is None else folder
-    folder = folder / _one_machine()
+    folder = folder / _platform_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return
-    if _is_ours(folder):
+    if _is_own(folder):
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 

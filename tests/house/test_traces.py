@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 import frictionjax.api as api
 from frictionjax import excitation
 from frictionjax.core import FrictionjaxWarning
-from frictionjax.diagnosis.selection import select
+from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.physics import Drive, LuGre, catalogue
 from frictionjax.simulation import observer_gains, predict_ahead, simulate_reference
 
@@ -228,7 +228,7 @@ def _diagnose(k) -> Call:
 
     def call():
         with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as executor:
-            patch.setattr(select, "catalogue", lambda: {"constant_load": catalogue()["constant_load"]})
+            patch.setattr(try_catalogue, "catalogue", lambda: {"constant_load": catalogue()["constant_load"]})
             found = api.diagnose(seen, executor=executor)
         assert [missing.effect for missing in found.missing] == ["constant_load"]
 

@@ -34,7 +34,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Ground:
-    """The base model `drive` before the recordings of a `case`; `posterior` and `vector` say the same to the library."""
+    """The base model `drive` before the recordings of a `case`; `posterior` and `vector` hold the same."""
 
     case: fj.Case
     drive: fj.Drive
