@@ -6,7 +6,7 @@ from pathlib import Path
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
 os.environ["MPLBACKEND"] = "Agg"
-# Even the smallest program is kept: to write it takes no time beside its compilation, and to read it a third of that.
+# Even the smallest program is kept: to read it takes a third or less of its compilation, to write it a sixth at most.
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 import pytest
