@@ -137,7 +137,7 @@ def test_free_form_finds_a_force_of_place_and_nothing_where_nothing_is():
 def test_bic_charges_log_n_for_a_parameter():
     batch = SimpleNamespace(block_count=np.full((1, 10), 100.0))
     short, long = (
-        SimpleNamespace(fitted=np.ones(1), batch=batch, layout=(None,) * count) for count in (7, 9)
+        SimpleNamespace(fitted=(np.ones(1),), batch=batch, layout=(None,) * count) for count in (7, 9)
     )
     fitted = SimpleNamespace(misfit=0.25)
     assert criterion(short, fitted) == pytest.approx(500.0 + 7 * np.log(1000.0))

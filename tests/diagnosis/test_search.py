@@ -94,7 +94,8 @@ def test_no_fit_sees_what_is_chaotic(behind_a_gap):
     # Everything is judged as before, and what was left out moves nothing.
     np.testing.assert_array_equal(kept.powers([true])[0], posterior.powers([true])[0])
     before, after = kept.near(true), posterior.near(true)
-    lost = losses_of(np.asarray(after.powers[0]), posterior.batch)[blocks == 0.0].sum()
+    count, power = np.asarray(posterior.batch.block_count), np.asarray(after.powers[0])
+    lost = np.sum(count * posterior.loss.cost(power) / 2.0, where=blocks == 0.0)
     assert lost > 0.0 and float(before.cost) == pytest.approx(float(after.cost) - lost)
     # A rigid machine answers to the force by less than its noise everywhere.
     whole = without_chaos(rigid, start)
@@ -115,8 +116,11 @@ def test_a_search_finds_the_gap_and_the_load_s_own_friction(behind_a_gap, nudge)
     assert 2.0 * float(side.half_gap) == pytest.approx(TRUE["gap"], rel=0.3)
     assert float(side.drag) == pytest.approx(DRAG, rel=0.3)
     # In all blocks even the truth leaves half: what is chaotic. Where it is not, most of the cost is the missing gap.
-    kept = without_chaos(posterior, _at(posterior, vector, TRUE | {"drag": DRAG}))
-    assert kept.near(found).cost < 0.4 * kept.near(_at(posterior, vector, {"ratio": 1e-6})).cost
+    kept = without_chaos(posterior, _at(posterior, vector, TRUE | {"drag": DRAG})).weights[0]
+    rigid = _at(posterior, vector, {"ratio": 1e-6})
+    with_gap, without = (losses_of(power, posterior.batch) for power in posterior.powers([found, rigid]))
+    kept = np.asarray(kept).reshape(without.shape)
+    assert np.sum(kept * with_gap) < 0.4 * np.sum(kept * without)
 
 
 @pytest.mark.parametrize(

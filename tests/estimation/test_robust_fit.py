@@ -320,7 +320,7 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     far = reported_parameters(
         Model(posterior, Fitted(away, posterior.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
     )
-    assert far[1].startswith("The parameters are those of few integration steps a sample")
+    assert far[1].startswith("Parameters change by more than their standard errors when the integration step")
     assert reported_parameters(fitted, UNITS)[1] == ""
     lost = eqx.tree_at(lambda near: near.hessian, fitted.fitted.near, fitted.fitted.near.hessian * np.nan)
     kept, led_away = at_finer_steps(posterior, vector, lost, posterior.evaluated(vector)[0])
@@ -331,7 +331,7 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
 @pytest.mark.slow
 def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
     scales = plant_scales(PLANT, fitted.posterior.batch)
-    for name, said in (("Backlash", "The contacts of a gap make the motion chaotic"), ("Creep", "")):
+    for name, said in (("Backlash", "Backlash makes the motion chaotic"), ("Creep", "")):
         posterior, vector = extend(fitted.posterior, fitted.fitted.vector, effect(name), scales)
         with_effect = Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST)
         model = Model(posterior, with_effect, judge(posterior, with_effect))

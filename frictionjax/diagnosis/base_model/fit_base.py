@@ -161,4 +161,4 @@ def message_of(model: Model) -> str:
     posterior, count = model.posterior, len(model.posterior.layout)
     bounded = at_a_bound(posterior.layout, model.fitted.vector[:count], posterior.start[:count])
     ending = [model.fitted.ending.value] if model.fitted.ending.value else []
-    return " ".join(ending + ([f"At a bound of its range: {', '.join(bounded)}."] if bounded else []))
+    return " ".join(ending + ([f"At the end of its range: {', '.join(bounded)}."] if bounded else []))
