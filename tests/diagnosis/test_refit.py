@@ -98,7 +98,9 @@ def test_what_is_periodic_is_seen_to_repeat(driven, name):
     def seen(waves, *others):
         effects = (*(effect(other) for other in others), effect(name, period=np.ptp(x) / waves))
         after = eqx.tree_at(lambda j: j.drive, judged, judged.drive.with_effects(*effects))
-        return compare(judged, after, floor).gains(Rule()).repeats
+        found = compare(judged, after, floor)
+        assert all(type(beside) is bool for _, beside in found.waves)  # as JSON needs it
+        return found.gains(Rule()).repeats
 
     for waves, alone, beside in ((0.9, False, False), (1.1, True, False), (2.1, True, True)):
         assert seen(waves) == seen(waves, "LoadDependence") == alone

@@ -75,7 +75,7 @@ def _waves(found: Judgement) -> tuple[tuple[float, bool], ...]:
     stroke = float(np.ptp(x)) if x.size else 0.0
     forces = [effect for effect in found.drive.effects if isinstance(effect, AbstractForceEffect)]
     return tuple(
-        (stroke / max(abs(period), _SHORTEST), effect in forces and len(forces) > 1)
+        (stroke / max(abs(period), _SHORTEST), bool(effect in forces and len(forces) > 1))
         for effect in found.drive.effects
         for period in (float(getattr(effect, n.name)) for n in effect.nuisances if n.grid == "period")
     )
