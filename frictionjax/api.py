@@ -7,6 +7,8 @@ from frictionjax.core import InputError as InputError
 from frictionjax.core import PrecisionError as PrecisionError
 from frictionjax.core import configure_jax as configure_jax
 from frictionjax.diagnosis import Diagnosis as Diagnosis
+from frictionjax.diagnosis import Effort as Effort
+from frictionjax.diagnosis import Rule as Rule
 from frictionjax.diagnosis import diagnose as diagnose
 from frictionjax.estimation import Bootstrap as Bootstrap
 from frictionjax.estimation import Cauchy as Cauchy
@@ -76,6 +78,7 @@ __all__ = [
     "Diagnosis",
     "Discrimination",
     "Drive",
+    "Effort",
     "Estimate",
     "FitResult",
     "FrictionjaxWarning",
@@ -94,6 +97,7 @@ __all__ = [
     "Recording",
     "Replicas",
     "Resonances",
+    "Rule",
     "Study",
     "Trajectory",
     "ZeroAmplitude",

@@ -20,7 +20,7 @@ EXPECTED = sorted(
     {
         *CONTRACT,
         *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue"),
-        *("Diagnosis", "Estimate", "FRF", "FitResult", "Trajectory"),
+        *("Diagnosis", "Effort", "Estimate", "FRF", "FitResult", "Rule", "Trajectory"),
         *("BLA", "Resonances", "ZeroAmplitude"),
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
         *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
