@@ -12,6 +12,7 @@ from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis
 
 from frictionjax.cli import main
 from frictionjax.core import FrictionjaxWarning
+from frictionjax.report.save import save_diagnosis
 
 CASE = """
 name = "bench"
@@ -45,7 +46,7 @@ def api(monkeypatch):
         return "bare case"
 
     stub = types.ModuleType("frictionjax.api")
-    vars(stub).update(diagnose=diagnose)
+    vars(stub).update(diagnose=diagnose, save_diagnosis=save_diagnosis, __all__=["save_diagnosis"])
     monkeypatch.setitem(sys.modules, "frictionjax.api", stub)
     monkeypatch.setattr("frictionjax.recordings.load_case", load_case)
     monkeypatch.setattr("frictionjax.recordings.case_from_files", case_from_files)

@@ -66,7 +66,7 @@ def test_the_real_machines_are_told_and_drawn(monkeypatch, capsys):
     names: dict = {"fj": fj, "np": np, "plt": plt, "load_machine": None, "SMALL": True}
     exec(helpers, names)
     found = fake_diagnosis()
-    names["tell"](found)
+    names["summarise"](found)
     before, after = found.held_out_rmse()
     assert f"0.1 s ahead: {before:.3g} -> {after:.3g} rad" in capsys.readouterr().out
     names["draw"](found)

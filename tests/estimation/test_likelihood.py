@@ -186,10 +186,11 @@ def test_two_roads_of_least_squares(problem, loss):
     scipys = least_squares(lambda q: residual(q[None])[0], away, slope, xtol=1e-12, ftol=1e-12, gtol=1e-10)
     objective = under(made, loss)
     unit = equal_curvature(objective, jnp.asarray(away))
-    ours, least, count, _ = levenberg_marquardt(objective, jnp.asarray(away), unit, 60, tolerance=1e-4)
-    assert 1 < int(count) < 60
+    found = levenberg_marquardt(objective, jnp.asarray(away), unit, 60, tolerance=1e-4)
+    ours = found.vector
+    assert 1 < int(found.steps) < 60
     cost = 0.5 * float(np.sum(residual(np.asarray(ours)[None]) ** 2))
-    assert float(least) == pytest.approx(cost, rel=1e-9)
+    assert float(found.cost) == pytest.approx(cost, rel=1e-9)
     assert cost == pytest.approx(scipys.cost, rel=1e-5)
     assert cost < 0.9 * 0.5 * np.sum(residual(away[None]) ** 2)
     stderr = np.sqrt(np.diag(np.linalg.inv(objective.quadratic(ours).hessian)))

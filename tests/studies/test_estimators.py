@@ -69,7 +69,7 @@ def test_the_sentences_say_what_the_numbers_are(found):
     response, breakaway, joint = found.sentences
     assert "prefer maximum likelihood" in response
     assert f"sigma0 comes out {-100 * found.bias[ML, QUIET, 1] / 1e5:.2g} % too low" in response
-    assert "100 % of the draws arrive" in breakaway
+    assert "100 % of the draws converge" in breakaway
     gain = np.mean(found.std[BREAKAWAY, :, 2] / found.std[JOINT, :, 2])
     assert f"falls by a factor of {gain:.2f} for sigma1 + sigma2" in joint
     assert all(sentence.endswith(".") and " nan" not in sentence for sentence in found.sentences)
