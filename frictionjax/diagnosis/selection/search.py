@@ -226,7 +226,7 @@ class Search:
                 continue
             if found.row.effect != own.row.effect or found.rivals:
                 return [*self._rebuilt(chain, place, table), found]
-            # Beside the others it can be told from all of them.
+            # Beside the others it can be distinguished from all of them.
             chain = [*chain[:place], dataclasses.replace(own, rivals=()), *chain[place + 1 :]]
         return chain
 
