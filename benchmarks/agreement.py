@@ -1,10 +1,12 @@
 """`python -m benchmarks.agreement`: whether two versions of the code come to the same diagnoses.
 
     python -m benchmarks.agreement run --out FILE [--cases CASE.toml ...] [--bank N] [--demo] [--part K/N]
+        [--lines FILE]
     python -m benchmarks.agreement compare OLD NEW ...
 
 `run` diagnoses case files, the demo and the first N of a fixed list of 40 simulated machines, and adds a JSON line for
-each to FILE; what FILE has already is not run again. `compare` prints a table: verdict and names, and the largest
+each to FILE; what FILE has already is not run again. With `--lines` the machines are stored as lines of the bank, too,
+with their tables of comparisons, for `benchmarks.replay`. `compare` prints a table: verdict and names, and the largest
 relative change of any parameter and of any standard error. Between two versions that differ in their layout alone every
 change is below 1e-6.
 """
@@ -16,14 +18,14 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jax
 
 import frictionjax as fj
-from benchmarks.bank import PAIRS, case_of
-from benchmarks.concealed.reality import CATALOGUE, make_case
+from benchmarks.bank import PAIRS, diagnosis_and_line, plain
+from benchmarks.concealed.reality import CATALOGUE
 from frictionjax.core import keep_compiled
 
 SEED = 9000
@@ -43,24 +45,37 @@ def machines() -> list[tuple[int, tuple[str, ...], str]]:
     return [(SEED + number, *mixed[number]) for number in order][:40]
 
 
-def cases(files: list[Path], bank: int, demo: bool) -> Iterator[tuple[str, fj.Case]]:
-    """Name and case of everything asked for."""
+def cases(
+    files: list[Path], bank: int, demo: bool, lines: Path | None
+) -> Iterator[tuple[str, Callable[[], fj.Diagnosis]]]:
+    """Name and diagnosis of everything asked for; a machine's line of the bank is added to `lines`."""
     for file in files:
-        yield (file.parent.name if file.name == "case.toml" else file.stem), fj.load_case(file)
+        name = file.parent.name if file.name == "case.toml" else file.stem
+        yield name, lambda file=file: fj.diagnose(fj.load_case(file))
     if demo:
         from frictionjax.demo import write_demo_case
 
         with tempfile.TemporaryDirectory() as folder:
-            yield "demo", fj.load_case(write_demo_case(Path(folder)))
+            case = fj.load_case(write_demo_case(Path(folder)))
+            yield "demo", lambda: fj.diagnose(case)
     for seed, missing, strength in machines()[:bank]:
-        simulated = make_case(seed, missing=missing, strength=strength)
-        yield f"{seed} {'+'.join(missing) or 'nothing'}", case_of(simulated)
+        job = {"seed": seed, "missing": list(missing), "strength": strength}
+        yield f"{seed} {'+'.join(missing) or 'nothing'}", lambda job=job: _stored(job, lines)
 
 
-def line(name: str, case: fj.Case) -> dict:
-    """The diagnosis of a case in plain numbers."""
+def _stored(job: dict, lines: Path | None) -> fj.Diagnosis:
+    found, own = diagnosis_and_line(job)
+    if lines is not None:
+        lines.parent.mkdir(parents=True, exist_ok=True)
+        with lines.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(own, default=plain) + "\n")
+    return found
+
+
+def line(name: str, diagnose: Callable[[], fj.Diagnosis]) -> dict:
+    """A diagnosis in plain numbers."""
     start = time.perf_counter()
-    found = fj.diagnose(case)
+    found = diagnose()
     return {
         "name": name,
         "verdict": found.verdict,
@@ -133,6 +148,7 @@ def main() -> None:
     run.add_argument("--bank", type=int, default=0)
     run.add_argument("--demo", action="store_true")
     run.add_argument("--part", default="1/1")
+    run.add_argument("--lines", type=Path)
     compare = verbs.add_parser("compare")
     compare.add_argument("old", type=Path)
     compare.add_argument("new", type=Path, nargs="+")
@@ -150,10 +166,11 @@ def main() -> None:
     keep_compiled(arguments.out.parent / "compiled")
     done = read([arguments.out]) if arguments.out.exists() else {}
     k, n = (int(number) for number in arguments.part.split("/"))
-    for number, (name, case) in enumerate(cases(arguments.cases, arguments.bank, arguments.demo)):
+    asked = cases(arguments.cases, arguments.bank, arguments.demo, arguments.lines)
+    for number, (name, diagnose) in enumerate(asked):
         if name in done or number % n != k - 1:
             continue
-        own = line(name, case)
+        own = line(name, diagnose)
         jax.clear_caches()  # programs are of the case's lengths: kept, they would fill the memory
         with arguments.out.open("a", encoding="utf-8") as file:
             file.write(json.dumps(own) + "\n")

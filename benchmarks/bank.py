@@ -88,7 +88,7 @@ def case_of(simulated) -> fj.Case:
     return fj.Case("bank", Plant(**known), recordings)
 
 
-def told(step: Step) -> dict:
+def round_in_numbers(step: Step) -> dict:
     """One round of the selection in plain numbers."""
     best: dict[str, list[float]] = {}
     for trial in step.trials:
@@ -125,6 +125,11 @@ def stored(tables: Sequence[Table]) -> dict:
 def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
     """One line; with `left_out` also what is said, from the same base fit, when the catalogue lacks what is missing;
     not `own`: only that."""
+    return diagnosis_and_line(job, left_out=left_out, own=own)[1]
+
+
+def diagnosis_and_line(job: dict, *, left_out: bool = False, own: bool = True) -> tuple[fj.Diagnosis, dict]:
+    """The diagnosis of a machine, and its line (see `diagnosed`)."""
     simulated = make_case(job["seed"], missing=tuple(job["missing"]), strength=job["strength"])
     kept: dict[str, Selection] = {}
     select, try_catalogue, true = pipeline.select, candidates.try_catalogue, frozenset(job["missing"])
@@ -143,9 +148,9 @@ def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
         if own:
             kept["own"] = select(*arguments, without=without, **options)
         if left_out:
-            aside = time.perf_counter()
+            began = time.perf_counter()
             kept["left"] = select(*arguments, without=without | true, **options)
-            spent.append(time.perf_counter() - aside)
+            spent.append(time.perf_counter() - began)
         return kept["own"] if own else kept["left"]
 
     pipeline.select, candidates.try_catalogue = watched, tested_once
@@ -158,14 +163,14 @@ def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
     if left_out:
         left = {
             "verdict": kept["left"].decision.verdict,
-            "steps": [told(step) for step in kept["left"].steps],
+            "steps": [round_in_numbers(step) for step in kept["left"].steps],
             "evidence": kept["left"].decision.evidence,
             "classes": kept["left"].decision.classes,
             "comparisons": stored(kept["left"].tables),
         }
     if not own:
-        return job | {"left": left}
-    return job | {
+        return found, job | {"left": left}
+    return found, job | {
         "evidence": kept["own"].decision.evidence,
         "left": left,
         "verdict": found.verdict,
@@ -176,7 +181,7 @@ def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
         "sizes": simulated.truth["sizes"],
         "base": {k: e.value for k, e in found.base.items()},
         "truth": simulated.truth["base"],
-        "steps": [told(step) for step in kept["own"].steps],
+        "steps": [round_in_numbers(step) for step in kept["own"].steps],
         "comparisons": stored(found.comparisons),
         "held": {
             r.name: [r.prediction_rmse_base, r.prediction_rmse_extended, r.noise_floor]

@@ -43,7 +43,7 @@ def pytest_configure(config):
         # Before the package is imported: what it imports from now on is checked.
         from jaxtyping import install_import_hook
 
-        install_import_hook([f"frictionjax.{package}" for package in TYPED], "beartype.beartype")
+        install_import_hook([f"frictionjax.{package}" for package in TYPED], "helpers_types.checked")
     _set_up()
 
 

@@ -1,10 +1,10 @@
 """Non-smooth maths that is safe to differentiate at rest, where v = 0 exactly."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Real
+from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
 
-def real(value: Real[ArrayLike, "..."]) -> Float[Array, "..."]:
+def real(value: Real[ArrayLike, "..."] | Bool[ArrayLike, "..."]) -> Float[Array, "..."]:
     """`value` as an array of JAX's default real type: a number passed in is data, not a constant to compile in."""
     return jnp.asarray(value, dtype=jnp.result_type(float))
 
