@@ -42,7 +42,7 @@ BAD = {
     "no recording": (case(HEADER), ["no recording to fit", 'role = "fit"']),
     "no fit recording": (case(HEADER + HOLDOUT), ["case.toml", "no recording to fit"]),
     "no holdout recording": (
-        case(HEADER + FIT),
+        case(HEADER + FIT + HOLDOUT.replace('role = "holdout"', "")),
         ["case.toml", "held out", "not fitted to", 'at least one recording with role = "holdout"'],
     ),
     # the plant
@@ -98,7 +98,7 @@ BAD = {
         recording('columns = {pos = "x"}'),
         ["key `columns.pos`", "unknown key", "normal_force"],
     ),
-    "column of a wrong type": (recording("columns = {x = 3}"), ["key `columns.x`", "text is needed"]),
+    "column of a wrong type": (recording("columns = {x = 3.5}"), ["key `columns.x`", "text is needed"]),
     "column not in the file": (
         recording('columns = {x = "X"}'),
         ["run.csv", "columns.x", "no column `X`", "Did you mean `x`?", "the file has: t, u, x"],

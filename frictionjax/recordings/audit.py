@@ -85,8 +85,8 @@ class Audit(eqx.Module):
     def concerns(self) -> tuple[str, ...]:
         """The findings that limit what this recording can show, as sentences."""
         found = []
-        if self.sampling.resampled:
-            found.append(self.sampling_sentence())
+        if said := self.sampling_sentence():
+            found.append(said)
         found += [f"{name} has {_count(count, 'value')} that {'is' if count == 1 else 'are'} not a number; "
                   "the audit left them out." for name, count in self.not_finite.items()]  # fmt: skip
         if self.sample_rate < _SLOW:
@@ -106,9 +106,21 @@ class Audit(eqx.Module):
 
     def sampling_sentence(self) -> str:
         """How the time stamps deviated from uniform, and how that was corrected; empty when they were uniform."""
+        s, said = self.sampling, []
+        if s.repeated:
+            repeated = "row repeats" if s.repeated == 1 else "rows repeat"
+            said.append(f"{s.repeated} {repeated} the row before, time included: left out.")
+        if s.late:
+            said.append(
+                f"{_count(s.late, 'time stamp')} came late and none is missing, as the clock caught up: the samples "
+                "were put back between their neighbours."
+            )
+        if s.resampled:
+            said.append(self._resampling_sentence())
+        return " ".join(said)
+
+    def _resampling_sentence(self) -> str:
         s = self.sampling
-        if not s.resampled:
-            return ""
         faults = (
             [f"deviate from uniform steps by up to {s.jitter:.2g} of a step"]
             if s.jitter > JITTER_TOLERANCE

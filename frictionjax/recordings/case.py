@@ -98,8 +98,6 @@ def case_from_files(
     if name is not None:
         table["name"] = name
     fallback = stem(Path(given[0][0])) if given else ""
-    if [role for _, role in given] == ["fit"]:
-        return keep_last_third_aside(_build(table, fallback, Path(), Spot(None), judged=False))
     return _build(table, fallback, Path(), Spot(None))
 
 
@@ -140,15 +138,14 @@ def _toml(path: Path, source: str) -> dict[str, Any]:
         ) from None
 
 
-def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, judged: bool = True) -> Case:
-    """The case from its keys; `folder` is where relative paths begin, `judged` whether a recording must be held
-    out."""
+def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Case:
+    """The case from its keys; `folder` is where relative paths begin."""
     name = text(table, "name", spot) if "name" in table else fallback
     plant_table = table.get("plant", {})
     if not isinstance(plant_table, dict):
         spot.fail("the plant is not a table", "plant", "Write [plant] on a line, and its keys below it")
     plant = parse_plant(plant_table, Spot(spot.source, "[plant]" if spot.source else ""))
-    entries = _entries(table, spot, judged)
+    entries = _entries(table, spot)
     paths = [_path(entry, folder) for entry in entries]
     _require_apart(entries, paths)
     recordings: list[Recording] = []
@@ -159,11 +156,12 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, ju
         unique = _unique(stem(path), {r.name for r in recordings})
         recordings.append(make_recording(entry, opened[path], unique, plant))
     _require_originals(recordings, entries)
-    return Case(name=name, plant=plant, recordings=tuple(recordings))
+    case = Case(name=name, plant=plant, recordings=tuple(recordings))
+    return keep_last_third_aside(case) if len(recordings) == 1 else case
 
 
-def _entries(table: dict[str, Any], spot: Spot, judged: bool) -> list[Entry]:
-    """The checked recordings' keys, some to fit and, when they are `judged`, some held out."""
+def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
+    """The checked recordings' keys: some to fit and, of several, some held out."""
     tables = table.get("recording", [])
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         spot.fail("recordings are a list of tables", "recording", "Write [[recording]] with double brackets")
@@ -182,7 +180,7 @@ def _entries(table: dict[str, Any], spot: Spot, judged: bool) -> list[Entry]:
             else "Give at least one file besides the holdout"
         )
         spot.fail("there is no recording to fit", cure=cure)
-    if judged and "holdout" not in roles:
+    if len(entries) > 1 and "holdout" not in roles:
         cure = (
             'Mark at least one recording with role = "holdout"; a file may occur twice, with an interval each'
             if spot.source
@@ -209,6 +207,8 @@ def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
         for other, other_path in zip(entries, paths, strict=True):
             if kept.role != "holdout" or other.role != "fit" or not kept_path.samefile(other_path):
                 continue
+            if _answer(kept) != _answer(other):  # other variables of one file, or another joint
+                continue
             (a, b), (c, d) = kept.interval or everything, other.interval or everything
             if max(a, c) < min(b, d):
                 kept.spot.fail(
@@ -217,6 +217,12 @@ def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
                     "interval" if kept.interval else "file",
                     "Use another file, or give both an interval, such that they do not overlap",
                 )
+
+
+def _answer(entry: Entry) -> str:
+    """The column that a model has to predict."""
+    role = "force" if entry.drive == "motion" else "x"
+    return entry.columns.get(role, role)
 
 
 def _require_originals(recordings: list[Recording], entries: list[Entry]) -> None:

@@ -4,13 +4,13 @@ import dataclasses
 import warnings
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.audit import audit
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
-from frictionjax.recordings.sampling import Grid, find_grid
+from frictionjax.recordings.sampling import Grid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
 from frictionjax.recordings.words import listed, nearest, shown
 
@@ -40,11 +40,17 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
     """
     file = shown(table.path, 200)
     columns, left_out = _read_columns(entry, table)
+    rows, late = np.arange(columns["x"].size), np.zeros(columns["x"].size, dtype=bool)
+    if "t" in columns:
+        _require_finite(columns["t"], table, entry.columns.get("t", "t"), rows)
+        rows = _not_repeated(columns)
+        columns = {role: values[rows] for role, values in columns.items()}
+        columns["t"], late = punctual(columns["t"])
     stamps, step = _time(entry, table, columns, file)
     first, last = _cut(entry, stamps, step, file)
     used = {role: values[first:last] for role, values in columns.items() if role != "t"}
     for role, values in used.items():
-        _require_finite(values, table, entry.columns.get(role, role), first)
+        _require_finite(values, table, entry.columns.get(role, role), rows[first:last])
     if last - first < MIN_SAMPLES:
         part = "the interval" if entry.interval else "the file"
         raise InputError(
@@ -54,7 +60,7 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
             cure=f"Record at least {MIN_SAMPLES} samples, better several seconds",
         )
     if "t" in columns:
-        grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), first)
+        grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), rows[first:last])
         rate = _agreed_rate(grid, entry, file)
     else:
         rate = entry.sample_rate or 1.0 / step
@@ -80,7 +86,11 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
         loop=entry.loop,
         drive=entry.drive,
         start_time=entry.start_time + float(stamps[first] - stamps[0]),
-        sampling=grid.sampling,
+        sampling=dataclasses.replace(
+            grid.sampling,
+            late=int(np.count_nonzero(late[first:last])),
+            repeated=int(np.ptp(rows[first:last])) + 1 - (last - first),
+        ),
         v=optional["v"],
         force=optional["force"],
         reference=optional["reference"],
@@ -89,9 +99,18 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
         supply=optional["supply"],
     )
     found = audit(recording, plant)
-    if grid.sampling.resampled:
-        warnings.warn(FrictionjaxWarning(f"{file}: {found.sampling_sentence()}"), stacklevel=2)
+    if said := found.sampling_sentence():
+        warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
     return dataclasses.replace(recording, warnings=left_out + found.concerns())
+
+
+def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray, " m"]:
+    """The rows that do not repeat the row before, time included: a logger that writes a frame twice adds nothing."""
+    same = np.ones(columns["t"].size, dtype=bool)
+    same[:1] = False
+    for values in columns.values():
+        same[1:] &= values[1:] == values[:-1]
+    return np.flatnonzero(~same)
 
 
 def _read_columns(
@@ -165,7 +184,6 @@ def _time(
     """Time stamps in s, from the column or from the sample rate, and their median step."""
     if "t" in columns:
         stamps = columns["t"]
-        _require_finite(stamps, table, entry.columns.get("t", "t"), 0)
         return stamps, float(np.median(np.diff(stamps))) if stamps.size > 1 else 1.0
     if entry.sample_rate is None:
         raise InputError(
@@ -196,15 +214,17 @@ def _cut(entry: Entry, stamps: Float[np.ndarray, " n"], step: float, file: str) 
     return (int(where[0]), int(where[-1]) + 1) if where.size else (0, 0)
 
 
-def _require_finite(values: Float[np.ndarray, " _"], table: AbstractTable, column: str, first: int) -> None:
+def _require_finite(
+    values: Float[np.ndarray, " n"], table: AbstractTable, column: str, rows: Int[np.ndarray, " n"]
+) -> None:
     wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
     if wrong.size:
         k = int(wrong[0])
         raise InputError(
-            f"the value is {'NaN' if np.isnan(values[k]) else 'infinite or beyond 1e100'}"
+            f"the value is {'missing or NaN' if np.isnan(values[k]) else 'infinite or beyond 1e100'}"
             + (f" (and {wrong.size - 1} more like it)" if wrong.size > 1 else ""),
             file=shown(table.path, 200),
-            place=f"{table.place(first + k)}, column `{shown(column)}`",
+            place=f"{table.place(int(rows[k]))}, column `{shown(column)}`",
             cure="Correct the value, use a part without it (interval), or, with a time column, delete the line",
         )
 

@@ -37,12 +37,16 @@ class Sampling(eqx.Module):
     - `jitter`: largest deviation of a step from the nominal one, as a fraction of it.
     - `gaps`: `(time, length)` of every step longer than 1.5 nominal steps, s, in the file's own time.
     - `missing`: samples that the gaps lack.
+    - `late`: samples whose stamps came late, by what the next steps are too short: none is missing there.
+    - `repeated`: rows that were written twice, and dropped.
     - `resampled`: True when the channels were interpolated onto a uniform grid.
     """
 
     jitter: float = eqx.field(static=True, default=0.0)
     gaps: tuple[tuple[float, float], ...] = eqx.field(static=True, default=())
     missing: int = eqx.field(static=True, default=0)
+    late: int = eqx.field(static=True, default=0)
+    repeated: int = eqx.field(static=True, default=0)
     resampled: bool = eqx.field(static=True, default=False)
 
 

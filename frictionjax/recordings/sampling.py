@@ -1,8 +1,10 @@
 """Time stamps: their sample rate, jitter and gaps, and the uniform grid to resample to."""
 
+from collections.abc import Iterator
+
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.interpolate import CubicSpline
 
 from frictionjax.core import InputError
@@ -12,6 +14,8 @@ from frictionjax.recordings.words import shown
 
 # A step longer than this many nominal ones is a gap.
 _GAP = 1.5
+# A clock that is behind by no more than this part of a step has caught up.
+_CAUGHT_UP = 0.05
 # No more than this part of a recording is filled by interpolation.
 _MOST_MISSING = 0.2
 # A rate this near (relatively) to a whole number of Hz or of microseconds is that number.
@@ -65,7 +69,12 @@ class Grid(eqx.Module):
         return np.diff(until) / np.diff(edges)
 
 
-def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str, first: int = 0) -> Grid:
+def find_grid(
+    stamps: Float[np.ndarray, " m"],
+    table: AbstractTable,
+    column: str,
+    rows: Int[np.ndarray, " m"] | None = None,
+) -> Grid:
     """The uniform grid behind time stamps.
 
     Stamps rounded to too few decimals (0.0003, 0.0007, 0.0010 at 3 kHz) are not jitter; steps that deviate by
@@ -74,7 +83,8 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
     **Arguments:**
 
     - `stamps`: finite times, s, shape `(m,)`, `m >= 2`.
-    - `table`, `column`, `first`: where they come from, for messages; `first` is the position of the first.
+    - `table`, `column`, `rows`: where they come from, for messages; `rows` are their positions in the column, shape
+        `(m,)`; None: from the first on.
 
     **Returns:** the `Grid`.
 
@@ -87,9 +97,9 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
         k = int(wrong[0])
         verb = "stands still" if steps[k] == 0 else "goes backwards"
         raise InputError(
-            f"time {verb} ({stamps[k]:.9g} s, then {stamps[k + 1]:.9g} s)",
+            f"time {verb} ({stamps[k]:.15g} s, then {stamps[k + 1]:.15g} s)",
             file=file,
-            place=f"{table.place(first + k + 1)}, column `{shown(column)}`",
+            place=f"{table.place(int(rows[k + 1]) if rows is not None else k + 1)}, column `{shown(column)}`",
             cure="Correct the time stamps (more decimals, if they were rounded), or, when the samples are known "
             "to be evenly spaced, remove the column and give sample_rate",
         )
@@ -98,9 +108,9 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
     if float(np.abs(stamps - (start + step * index)).max()) <= _rounding(stamps, step):
         return Grid(_snapped(1.0 / step), Sampling(), stamps, None)
     typical = float(np.median(steps))
-    count = np.maximum(np.rint(steps / typical), 1.0)
+    count = _counted(steps / typical)
     missing = float(count.sum()) - steps.size
-    if missing > _MOST_MISSING * stamps.size:
+    if max(missing, np.count_nonzero(steps > _GAP * typical)) > _MOST_MISSING * stamps.size:
         raise InputError(
             f"time steps range from {steps.min():.4g} s to {steps.max():.4g} s: this is not a uniformly sampled "
             "recording",
@@ -123,6 +133,49 @@ def find_grid(stamps: Float[np.ndarray, " m"], table: AbstractTable, column: str
     )
     uniform = start + step * np.arange(index[-1] + 1) if resample else None
     return Grid(_snapped(1.0 / step), sampling, stamps, uniform)
+
+
+def punctual(stamps: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " m"], Bool[np.ndarray, " m"]]:
+    """The `stamps`, s, shape `(m,)`, with those that came late put back between their neighbours, and which these were.
+
+    A clock that stalls and catches up (one long step, then short ones that make up for it) has late stamps and no gap:
+    these samples were taken in time.
+    """
+    steps = np.diff(stamps)
+    late = np.zeros(stamps.size, dtype=bool)
+    typical = float(np.median(steps)) if steps.size else 1.0
+    if np.count_nonzero(steps > _GAP * typical) > _MOST_MISSING * steps.size:
+        return stamps, late  # no clock that is late now and then
+    if typical > 0.0:
+        for first, end, lacking in _stalls(steps / typical):
+            if not lacking:
+                late[first + 1 : end] = True
+    index = np.arange(stamps.size)
+    return np.where(late, np.interp(index, index[~late], stamps[~late]), stamps), late
+
+
+def _counted(steps: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
+    """How many samples after the one before each sample was taken, from `steps` in units of the typical one: a long
+    step is a gap but for what the steps after it are too short."""
+    count = np.ones(steps.size, dtype=np.int64)
+    for first, end, lacking in _stalls(steps):
+        count[first + int(np.argmax(steps[first:end]))] += lacking
+    return count
+
+
+def _stalls(steps: Float[np.ndarray, " k"]) -> Iterator[tuple[int, int, int]]:
+    """Where the clock stalls: its first long step, the step after the last one in which it is behind, and how many
+    samples it never makes up for; `steps` are in units of the typical one."""
+    end = 0
+    for first in np.flatnonzero(steps > _GAP):
+        if first < end:
+            continue
+        behind, end = 0.0, int(first)
+        # Behind for as long as the clock stalls or catches up; a usual step ends it.
+        while end < steps.size and (steps[end] > _GAP or (steps[end] < 1.0 and behind >= _CAUGHT_UP)):
+            behind += steps[end] - 1.0
+            end += 1
+        yield int(first), end, max(round(behind), 0)
 
 
 def _line(index: Int[np.ndarray, " m"], stamps: Float[np.ndarray, " m"]) -> tuple[float, float]:

@@ -26,6 +26,7 @@ RECORDING_KEYS = (
 
 # No physical quantity in any unit is larger, nor smaller than its inverse.
 _LARGEST = 1e60
+_MOST_COLUMNS = 10**6
 
 
 class Spot(eqx.Module):
@@ -129,7 +130,7 @@ def parse_entry(table: dict[str, Any], spot: Spot) -> Entry:
         drive=choice(table, "drive", ("force", "motion"), spot),
         start_time=0.0 if start_time is None else start_time,
         sample_rate=positive(table, "sample_rate", spot, "Give the samples per second, such as 2000.0"),
-        columns={role: text(columns, role, spot, "columns.") for role in columns},
+        columns={role: _column(columns, role, spot) for role in columns},
         scale={role: _factor(scale, role, spot) for role in scale},
         interval=_interval(table, spot),
         spot=spot,
@@ -197,6 +198,18 @@ def mapping(table: dict[str, Any], key: str, spot: Spot) -> dict[str, Any]:
         spot.fail(f"a table is needed, not {_kind(value)}", key, f"Write {example}")
     known_keys(value, ROLES, spot, f"{key}.")
     return value
+
+
+def _column(columns: dict[str, Any], role: str, spot: Spot) -> str:
+    """The column for a `role`: its name, or its number from 1 on."""
+    value = columns[role]
+    if isinstance(value, int) and not isinstance(value, bool):
+        if not 1 <= value <= _MOST_COLUMNS:
+            spot.fail(
+                f"{shown(value, 20)} is not the number of a column", f"columns.{role}", "They count from 1"
+            )
+        return str(value)
+    return text(columns, role, spot, "columns.")
 
 
 def _factor(scale: dict[str, Any], role: str, spot: Spot) -> float:

@@ -49,11 +49,16 @@ BAD = {
         spoiled(57, None, "abc"),
         ["run.csv, line 57, column `x`", '"abc" is not a number', "Correct the value"],
     ),
-    "empty value": (spoiled(57, None, ""), ["run.csv, line 57, column `x`", "the value is empty"]),
+    "empty value": (spoiled(57, None, ""), ["run.csv, line 57, column `x`", "the value is missing or NaN"]),
     "not available": (spoiled(2, None, "N/A"), ["run.csv, line 2, column `x`", '"N/A"']),
     "decimal comma": (
-        lambda f: toml(f, change=lambda rows: [row.replace(",", ";").replace(".", ",") for row in rows]),
-        ["run.csv, line 2, column `t`", "decimal points, not commas", '"0.000"'],
+        rows(
+            lambda rows: [
+                row.replace(",", ";").replace(*((".", ",") if k == 57 else ("", "")))
+                for k, row in enumerate(rows)
+            ]
+        ),
+        ["run.csv, line 58, column `t`", "decimal points, not commas", '"0.056"'],
     ),
     "line cut short": (
         rows(lambda rows: [*rows[:150], "0.149"]),

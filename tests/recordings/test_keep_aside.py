@@ -60,10 +60,22 @@ def test_two_recordings_are_not_divided():
         keep_last_third_aside(Case("bench", Plant(), (one, one)))
 
 
-def test_a_case_file_says_itself_what_is_kept_aside(tmp_path):
-    """The contract: a case file without a holdout is refused, with what mends it."""
+def test_a_case_file_of_one_recording_is_divided_like_a_bare_file(tmp_path):
     _csv(tmp_path)
     file = tmp_path / "case.toml"
     file.write_text(HEADER + '[[recording]]\nfile = "run.csv"\n')
+    with pytest.warns(FrictionjaxWarning, match=r"the last third \(0.3 s\) was held out"):
+        case = load_case(file)
+    assert [(r.name, r.role, r.x.size) for r in case.recordings] == [
+        ("run", "fit", 600),
+        ("run_last_third", "holdout", 300),
+    ]
+
+
+def test_a_case_file_of_two_recordings_says_itself_what_is_held_out(tmp_path):
+    _csv(tmp_path)
+    file = tmp_path / "case.toml"
+    entry = '[[recording]]\nfile = "run.csv"\ninterval = [{}]\n'
+    file.write_text(HEADER + entry.format("0.0, 0.4") + entry.format("0.4, 0.8"))
     with pytest.raises(InputError, match="a file may occur twice, with an interval each"):
         load_case(file)

@@ -14,7 +14,14 @@ from frictionjax.recordings.words import shown
 NUMBER = re.compile(
     r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
 )
+STAMP = re.compile(
+    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:?\d\d)?", re.ASCII | re.IGNORECASE
+)
+"""A date and time of day, ISO 8601."""
 COMMENT = ("#", "%")
+_COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+_LINE_OF_NUMBERS = re.compile(r'^[ \t"+-]*[\d,].*$', re.ASCII | re.MULTILINE)
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)|(?<![\w.]),(?=\d)", re.ASCII)
 _NO_VALUE = {"", "na", "n/a", "null", "none"}
 _ROLES = {"t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply"}
 # Columns of a file without a header that has exactly so many of them.
@@ -30,7 +37,8 @@ class Layout(eqx.Module):
     - `separator`: `","`, `";"`, a tab, or None for runs of white space.
     - `width`: number of columns.
     - `names`: the columns' names; `"1"`, `"2"`, ... when there is no header.
-    - `index`: every name of a column, with its position; -1 marks a name that occurs twice.
+    - `index`: every name of a column, and its number from 1 on where no column has it for a name, with the position;
+        -1 marks a name that occurs twice.
     - `start`: number of lines before the numbers.
     """
 
@@ -63,10 +71,26 @@ def split(line: str, separator: str | None) -> list[str]:
         return [field.strip() for field in line.split(separator)]
 
 
+def with_decimal_points(text: str) -> str | None:
+    """The `text` of a file of numbers with decimal commas, with points in their place; None when it has none.
+
+    Where another sign separates the columns, and no number has a point, commas inside numbers are decimal.
+    """
+    body = _body([line for _, line in content_lines(text.split("\n", _HEAD)[:_HEAD])])
+    for separator in (";", "\t", None):
+        rows = [split(line, separator) for line in body]
+        commas = [len(row) > 1 and any(_COMMA_NUMBER.fullmatch(field) for field in row) for row in rows]
+        points = any("." in field and NUMBER.fullmatch(field) for row in rows for field in row)
+        if sum(commas) >= 0.6 * max(len(body), 1) and not points:
+            return _LINE_OF_NUMBERS.sub(lambda line: _DECIMAL_COMMA.sub(".", line[0]), text)
+    return None
+
+
 def find_layout(text: str, file: str) -> Layout:
     """Find the layout of a file from its first lines.
 
-    A header is the first line of as many names as the numbers have columns; one line of units may follow it.
+    A header is a line of as many names as the numbers have columns; lines of units, types and the like may stand
+    between them, and anything above it: of a block of such lines the first is the header.
     Without a header the columns are called "1", "2", ..., and two columns are also u and x, three t, u and x.
     A comment line directly above the numbers serves as header when it has a name for every column.
 
@@ -86,32 +110,31 @@ def find_layout(text: str, file: str) -> Layout:
             "the file is empty", file=file, cure="Give a file with a header line and columns of numbers"
         )
     separator, width = _separator([line for _, line in head])
-    header: list[str] | None = None
-    rejected: tuple[int, str] | None = None
-    units_found, start = False, None
+    usual = max(_numbers_in(split(line, separator)) for line in _body([line for _, line in head]))
+    above: list[tuple[int, str]] = []
+    start = None
     for number, line in head:
         fields = split(line, separator)
-        if any(NUMBER.fullmatch(field) for field in fields):
+        numbers = _numbers_in(fields)
+        # A line of a preamble may hold a number or two.
+        if numbers and (len(fields) >= width or not above) and (usual < 3 or 2 * numbers > usual):
             start = number - 1
             break
-        if header is None:
-            header = _names(line, separator, width)
-            rejected = (number, line)
-        elif units_found or len(fields) != width or any(field.lower() in _NO_VALUE for field in fields):
-            start = number - 1  # neither numbers nor units: the reader will say what is wrong with it
+        if above and len(fields) == width and all(field.lower() in _NO_VALUE for field in fields):
+            start = number - 1  # the reader will say what is wrong with it
             break
-        else:
-            units_found = True
+        above.append((number, line))
     if start is None:
         raise InputError(
             "no line of numbers found", file=file, place=f"line {head[-1][0]}", cure="Give columns of numbers"
         )
-    if header is None and rejected is not None:
+    header = _header(above, separator, width)
+    if header is None and above:
+        number, line = above[-1]
         raise InputError(
-            f'"{shown(rejected[1])}" is no header: the numbers below it have {width} '
-            f"column{'s' * (width != 1)}",
+            f'"{shown(line)}" is no header: the numbers below it have {width} column{"s" * (width != 1)}',
             file=file,
-            place=f"line {rejected[0]}",
+            place=f"line {number}",
             cure="Give one name a column, with the separator of the numbers, or start the line with #",
         )
     bare = header is None
@@ -119,10 +142,32 @@ def find_layout(text: str, file: str) -> Layout:
     return Layout(separator, width, *_index(header, width, bare and header is None), start)
 
 
+def _body(lines: list[str]) -> list[str]:
+    """The last of the `lines`: the header may differ."""
+    body = lines[-20:] if len(lines) < 40 else lines[-40:]
+    return body[1:] or body
+
+
+def _numbers_in(fields: list[str]) -> int:
+    """How many of the `fields` are numbers, or a date and time."""
+    return sum(bool(NUMBER.fullmatch(field) or STAMP.fullmatch(field)) for field in fields)
+
+
+def _header(above: list[tuple[int, str]], separator: str | None, width: int) -> list[str] | None:
+    """The names in the first of the lines directly `above` the numbers that have one for every column; no blank line
+    stands between these."""
+    header, below = None, None
+    for number, line in reversed(above):
+        names = _names(line, separator, width)
+        if names is None or (below is not None and number != below - 1):
+            break
+        header, below = names, number
+    return header
+
+
 def _separator(lines: list[str]) -> tuple[str | None, int]:
     """The separator and the number of columns, from the last of the lines (the header may differ)."""
-    body = lines[-20:] if len(lines) < 40 else lines[-40:]
-    body = body[1:] or body
+    body = _body(lines)
     for separator in ("\t", ";", ","):
         widths = Counter(len(split(line, separator)) for line in body)
         width, votes = widths.most_common(1)[0]
@@ -163,6 +208,8 @@ def _index(names: list[str] | None, width: int, bare: bool) -> tuple[tuple[str, 
     index: dict[str, int] = {}
     for position, name in enumerate(names or numbers):
         index[name] = -1 if name in index else position
+    for position, number in enumerate(numbers):
+        index.setdefault(number, position)
     if bare:
         index |= {name: position for position, name in enumerate(_BARE.get(width, ()))}
     return tuple(names or numbers), index

@@ -4,17 +4,27 @@ import codecs
 import gzip
 import io
 import re
+import warnings
 import zlib
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import InputError
+from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.readers.base import AbstractTable
-from frictionjax.recordings.readers.layout import NUMBER, Layout, content_lines, find_layout, split
+from frictionjax.recordings.readers.layout import (
+    NUMBER,
+    STAMP,
+    Layout,
+    content_lines,
+    find_layout,
+    split,
+    with_decimal_points,
+)
 from frictionjax.recordings.words import shown
 
 
@@ -27,17 +37,29 @@ class TextTable(AbstractTable):
     layout: Layout
 
     def has(self, name: str) -> bool:
-        return self.layout.index.get(name, -1) >= 0
+        place = self.layout.index.get(name)
+        return place is not None and (place >= 0 or self._is_repeated(name))
+
+    def _is_repeated(self, name: str) -> bool:
+        """Whether all columns of this name hold the same: a logger may write a time column for each channel."""
+        first, *others = self._read(self._places(name))
+        return all(np.array_equal(first, other) for other in others)
+
+    def _places(self, name: str) -> list[int]:
+        place = self.layout.index[name]
+        return [place] if place >= 0 else [k for k, own in enumerate(self.names) if own == name]
 
     def absence(self, name: str) -> str:
         if name in self.layout.index:
-            return f"there is more than one column `{shown(name)}`"
+            return f"there is more than one column `{shown(name)}`, and they differ"
         if self.names == tuple(str(k) for k in range(1, self.layout.width + 1)):
             return f"there is no column `{shown(name)}` (no header was found, so columns go by their number)"
         return f"there is no column `{shown(name)}`"
 
     def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
-        columns = [self.layout.index[name] for name in names]
+        return self._read([self._places(name)[0] for name in names])
+
+    def _read(self, columns: list[int]) -> list[Float[np.ndarray, " _"]]:
         values = self._read_fast()
         if values is None:
             return self._read_slowly(columns)
@@ -68,6 +90,7 @@ class TextTable(AbstractTable):
     def _read_slowly(self, columns: list[int]) -> list[Float[np.ndarray, " _"]]:
         """Line by line: right for files with text in unused columns, and able to name the place of an error."""
         rows: list[list[float]] = []
+        origins: dict[int, datetime] = {}
         width = self.layout.width
         for number, line in content_lines(self.text.split("\n"), self.layout.start):
             fields = split(re.split("[#%]", line, maxsplit=1)[0], self.layout.separator)
@@ -80,17 +103,27 @@ class TextTable(AbstractTable):
                     place=f"line {number}",
                     cure="Complete the line or delete it (a file cut short ends like this)",
                 )
-            for k in columns:
-                if not NUMBER.fullmatch(fields[k]):
-                    raise self._not_a_number(fields[k], number, self.names[k])
-            rows.append([float(fields[k]) for k in columns])
+            rows.append([self._value(fields[k], number, k, origins) for k in columns])
         return list(np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T.copy())
 
+    def _value(self, field: str, line: int, column: int, origins: dict[int, datetime]) -> float:
+        """The number in a `field`; NaN where it is empty; of a date and time the seconds since the first one, which
+        `origins` keeps by column."""
+        if NUMBER.fullmatch(field):
+            return float(field)
+        if STAMP.fullmatch(field):
+            time = datetime.fromisoformat(field)
+            time = time.replace(tzinfo=time.tzinfo or UTC)
+            return (time - origins.setdefault(column, time)).total_seconds()
+        if not field:
+            return np.nan
+        raise self._not_a_number(field, line, self.names[column])
+
     def _not_a_number(self, field: str, line: int, name: str) -> InputError:
-        problem = f'"{shown(field, 30)}" is not a number' if field else "the value is empty"
         cure = "Correct the value, or start the line with # to leave it out"
         if re.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", field):
             cure = f'Write decimal points, not commas: "{field.replace(",", ".")}"'
+        problem = f'"{shown(field, 30)}" is not a number'
         return InputError(
             problem, file=shown(self.path, 200), place=f"line {line}, column `{shown(name)}`", cure=cure
         )
@@ -100,8 +133,9 @@ def open_text(path: Path) -> TextTable:
     """Open a text file of columns.
 
     Separators: comma, semicolon, tab, or blanks. Lines that start with # or % are comments; so is the rest of a
-    line of numbers after such a sign. Numbers have decimal points. UTF-8 (with or without a byte order mark),
-    UTF-16 with one, else Latin-1.
+    line of numbers after such a sign. Numbers have decimal points; or, where another sign separates them, commas, and
+    a warning says so. Dates with a time of day (ISO 8601) are seconds since the first one. UTF-8 (with or without a
+    byte order mark), UTF-16 with one, else Latin-1.
 
     **Arguments:**
 
@@ -123,6 +157,12 @@ def open_text(path: Path) -> TextTable:
             f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
         ) from None
     text = _decode(data, file).replace("\r\n", "\n").replace("\r", "\n")
+    pointed = with_decimal_points(text)
+    if pointed is not None:
+        warnings.warn(
+            FrictionjaxWarning(f"{file}: commas in numbers were read as decimal points."), stacklevel=2
+        )
+        text = pointed
     layout = find_layout(text, file)
     return TextTable(path, layout.names, text, layout)
 
