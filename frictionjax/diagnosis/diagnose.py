@@ -29,6 +29,7 @@ from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.locate import Located, locate
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.force_balance import force_balance
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.diagnosis.selection.confidence import Evidence
 from frictionjax.diagnosis.selection.model_spread import moved
@@ -123,13 +124,22 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
     selection = None
     if not error:
+        left_out = barred_forms | frozenset(idle_effects() if starting.imposed else ())
         selection = select(
             base,
             executor,
             lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
-            without=barred_forms | frozenset(idle_effects() if starting.imposed else ()),
+            without=left_out,
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
+            balanced=()
+            if starting.imposed
+            else force_balance(
+                case.fit_recordings,
+                starting.start.drives,
+                inertia=plant.inertia,
+                without=left_out | frozenset(untestable),
+            ),
             rule=rule,
             effort=effort,
         )

@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -12,12 +14,13 @@ from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.refitting.backlash_search import heavier, search_backlash, without_chaos
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.descent.robust import Ending, Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
-from frictionjax.estimation.parameters import changed
+from frictionjax.estimation.parameters import changed, pack
 from frictionjax.physics.effects import AbstractLoadEffect
 
 Vector = Float[Array, " q"]
@@ -117,6 +120,24 @@ def along_the_minimum(start: Start, trial: Trial) -> Candidate:
     return Candidate(
         trial, posterior, descend(posterior, first, steps=budget.first_steps, tolerance=budget.tolerance)
     )
+
+
+def from_the_balance(start: Start, trial: Trial, balanced: Balanced) -> Candidate:
+    """The candidate of a `trial` from what the force balance says of it, friction and inertia included: their ranges
+    are about that, too, as the base fit may be far off."""
+    posterior, vector = start.extended(trial)
+    count, budget = len(posterior.layout), start.effort.refitting
+    ends = []
+    for drive in balanced.drives:
+        first = changed(
+            jnp.zeros_like(vector),
+            slice(0, count),
+            pack(posterior.layout, drive.with_effects(balanced.effect)),
+        )
+        there = eqx.tree_at(lambda p: p.start, posterior, first)
+        fitted = descend(there, first, steps=budget.steps, tolerance=budget.tolerance)
+        ends.append(Candidate(trial, there, fitted))
+    return min(ends, key=lambda one: one.fitted.misfit)
 
 
 def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:

@@ -16,12 +16,14 @@ from frictionjax.diagnosis.refitting.descents import (
     at_the_resonance,
     behind_a_gap,
     first_descent,
+    from_the_balance,
     further,
     with_slow_observer,
 )
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.refitting.shortlist import backlash_candidates
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
@@ -38,12 +40,14 @@ class Hints:
     - `gaps`: trials of a load behind a gap, one a form: it is searched where nothing explains most and stick lacks a
       part of the inertia, or where it is on the short list.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
+    - `balanced`: trials of forces that the force balance asks for, each with what it says (`force_balance`).
     """
 
     pair: Pair | None = None
     absorbed: Sequence[Trial] = ()
     gaps: Sequence[Trial] = ()
     stick_inertia: float | None = None
+    balanced: Sequence[tuple[Trial, Balanced]] = ()
 
 
 def refit_all(
@@ -62,7 +66,7 @@ def refit_all(
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
     look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
     started, with as much of the effect as its test promised, or as the resonance shows; and so are the absorbed ones,
-    from a plain size and the base parameters that undo most of it.
+    from a plain size and the base parameters that undo most of it, and those that the force balance asks for, from it.
 
     **Arguments:**
 
@@ -111,7 +115,8 @@ def _from_other_starts(
         candidates = _foremost(candidates, start, budget.near)
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
-        candidates = candidates + list(absorbed)
+        balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced)
+        candidates = candidates + list(absorbed) + list(balanced)
     if stuck and min(one.fitted.misfit for one in candidates) > most:
         gaps = backlash_candidates(trials)
         if start.ratio is not None:

@@ -20,6 +20,7 @@ from frictionjax.diagnosis.refitting.shortlist import (
     short_list,
 )
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
@@ -35,7 +36,8 @@ class Candidates:
     **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `scales` (the
     plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
     or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
-    not refitted), `stick_inertia` (that noise in stick shows, or None), `rule`, `effort`.
+    not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (forces that the force balance asks
+    for), `rule`, `effort`.
     """
 
     executor: Executor
@@ -45,6 +47,7 @@ class Candidates:
     without: frozenset[str]
     barred: frozenset[str]
     stick_inertia: float | None
+    balanced: tuple[Balanced, ...]
     rule: Rule
     effort: Effort
 
@@ -63,6 +66,11 @@ class Candidates:
             absorbed_by_base(open_to, effort=self.effort),
             backlash_candidates(open_to),
             self.stick_inertia,
+            [
+                (next(trial for trial in open_to if type(trial.form) is type(one.effect)), one)
+                for one in self.balanced
+                if any(type(trial.form) is type(one.effect) for trial in open_to)
+            ],
         )
         refits = refit_all(
             chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort

@@ -11,6 +11,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.refitting.refitted import ease
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import resonance_pair
 from frictionjax.diagnosis.selection.refit_candidates import Candidates
 from frictionjax.diagnosis.selection.refitted_tables import RefittedTables
@@ -41,6 +42,7 @@ def select(
     without: frozenset[str] = frozenset(),
     barred: frozenset[str] = frozenset(),
     stick_inertia: float | None = None,
+    balanced: tuple[Balanced, ...] = (),
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> Selection:
@@ -54,6 +56,7 @@ def select(
     - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
+    - `balanced`: forces that the force balance asks for.
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
     """
@@ -65,7 +68,9 @@ def select(
     if not posterior.batch.imposed:
         fitted = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         pair = resonance_pair(posterior.batch, fitted)  # type: ignore[arg-type]
-    candidates = Candidates(executor, progress, scales, pair, without, barred, stick_inertia, rule, effort)
+    candidates = Candidates(
+        executor, progress, scales, pair, without, barred, stick_inertia, balanced, rule, effort
+    )
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)
     return Selection([tables.step(one) for one in decision.rounds], decision, tuple(tables.tables))

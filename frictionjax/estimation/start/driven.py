@@ -57,8 +57,8 @@ def starting_values(
         sliding = fit_sliding(motions, inertia=inertia)
         if not sliding.credible:
             # A machine on a spring, or a pendulum: its restoring force must not be taken for inertia.
-            hanging = fit_sliding(motions, inertia=inertia, spring=True)
-            if hanging.credible and hanging.unexplained < _CLEARER * sliding.unexplained:
+            hanging = fit_sliding(motions, inertia=inertia, beside=[m.x[:, None] for m in motions])
+            if hanging.credible and hanging.unexplained < CLEARER * sliding.unexplained:
                 sliding = hanging
         trials.append((not sliding.credible, sliding.unexplained, motions, sliding))
         if sliding.credible:
@@ -118,8 +118,8 @@ def starting_values(
     return Start((*drives, *doubted), tuple(notes), stick is not None, stick_inertia)
 
 
-_CLEARER = 0.7
-"""A spring is assumed where it lowers the unexplained part of the force to less than this part of it."""
+CLEARER = 0.7
+"""A force beside friction is assumed where it lowers the unexplained part of the force to less than this part of it."""
 _LEAST_FORCE = 1e-3
 """Share of the motor force below which an inertia is not credible: its bound at zero has stopped the fit."""
 _EXPLAINED = 0.1

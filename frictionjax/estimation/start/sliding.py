@@ -1,5 +1,7 @@
 """Inertia, Coulomb and viscous friction from sliding motion, by inverse dynamics and least squares."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
@@ -30,10 +32,11 @@ class SlidingMotion(eqx.Module):
 
 
 class SlidingFit(eqx.Module):
-    """Least-squares fit of force = J a + Fc sgn v + sigma2 v + offset (+ k x) over sliding samples.
+    """Least-squares fit of force = J a + Fc sgn v + sigma2 v + offset (+ further columns) over sliding samples.
 
-    **Attributes:** the four coefficients, `top_speed`, `used` (number of samples), `spread` (robust standard
-    deviation of what is left, force units), `unexplained` (that over the spread of the force itself), `credible`.
+    **Attributes:** the four coefficients, those of the columns `beside` them, `top_speed`, `used` (number of samples),
+    `spread` (robust standard deviation of what is left, force units), `unexplained` (that over the spread of the force
+    itself), `credible`.
     """
 
     J: float = eqx.field(static=True)
@@ -44,11 +47,17 @@ class SlidingFit(eqx.Module):
     used: int = eqx.field(static=True)
     spread: float = eqx.field(static=True)
     unexplained: float = eqx.field(static=True)
+    beside: tuple[float, ...] = eqx.field(static=True, default=())
 
     @property
     def credible(self) -> bool:
         """True when inertia and Coulomb friction stand out of what is left unexplained."""
-        return self.J > 0.0 and self.Fc > 0.02 * self.spread and self.unexplained < 0.5 and self.used >= 200
+        return self.explains and self.J > 0.0 and self.Fc > 0.02 * self.spread
+
+    @property
+    def explains(self) -> bool:
+        """True when little of the force is left unexplained, by whatever part."""
+        return self.unexplained < 0.5 and self.used >= 200
 
 
 def smooth_motion(recording: Recording, motor_constant: float, seconds: float = WINDOWS[0]) -> SlidingMotion:
@@ -71,7 +80,11 @@ def _strokes(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
 
 
 def fit_sliding(
-    motions: tuple[SlidingMotion, ...], *, inertia: float | None = None, spring: bool = False
+    motions: tuple[SlidingMotion, ...],
+    *,
+    inertia: float | None = None,
+    beside: Sequence[Float[np.ndarray, "n k"]] | None = None,
+    offset: bool = True,
 ) -> SlidingFit:
     """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, in strokes (from one
     reversal to the next) that are not short: vibration in stick may be fast, too.
@@ -80,7 +93,8 @@ def fit_sliding(
 
     - `motions`: smoothed recordings.
     - `inertia`: known inertia, or None.
-    - `spring`: let a force proportional to the position take its part, as a spring or a pendulum would.
+    - `beside`: for each motion k forces that may take a part, shape `(n, k)`: the position, as of a spring.
+    - `offset`: let a constant force take a part.
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
     strokes = [_strokes(m) for m in motions]
@@ -92,26 +106,26 @@ def fit_sliding(
         (np.abs(m.v) > 0.05 * top_speed) & (stroke > shortest)
         for m, stroke in zip(motions, strokes, strict=True)
     ]
-    x, v, a, force = (
+    v, a, force = (
         np.concatenate([getattr(m, name)[own] for m, own in zip(motions, slides, strict=True)])
-        for name in ("x", "v", "a", "force")
+        for name in ("v", "a", "force")
     )
     # Motion in one direction cannot separate Coulomb friction from a constant force.
-    both = min(np.mean(v > 0.0), np.mean(v < 0.0)) > _LEAST_SHARE
+    both = offset and min(np.mean(v > 0.0), np.mean(v < 0.0)) > _LEAST_SHARE
     columns = [np.sign(v), v, np.ones_like(v) if both else np.zeros_like(v)]
     target = force
     if inertia is None:
         columns.insert(0, a)
     else:
         target = force - inertia * a
-    if spring:
-        columns.insert(0, x - np.mean(x))
-    design = np.stack(columns, axis=1)
+    more = [] if beside is None else [own[chosen] for own, chosen in zip(beside, slides, strict=True)]
+    added = np.concatenate(more) if more else np.zeros((v.size, 0))
+    # What is constant in them is the offset's.
+    design = np.concatenate([added - np.mean(added, axis=0), np.stack(columns, axis=1)], axis=1)
     # A negative inertia or friction is no usable start: those coefficients are bounded at zero.
     lower = np.zeros(design.shape[1])
     lower[-1] = -np.inf
-    if spring:
-        lower[0] = -np.inf
+    lower[: added.shape[1]] = -np.inf
     size = np.sqrt(np.mean(design**2, axis=0)) + 1e-300
     weight = np.ones_like(v)
     solution, spread = np.zeros(design.shape[1]), np.inf
@@ -123,6 +137,7 @@ def fit_sliding(
         spread = 1.4826 * float(np.median(left))
         weight = np.minimum(1.0, 2.0 * spread / np.maximum(left, 1e-300))
     J = inertia if inertia is not None else float(solution[-4])
-    Fc, sigma2, offset = (float(s) for s in solution[-3:])
+    Fc, sigma2, constant = (float(s) for s in solution[-3:])
     unexplained = spread / max(1.4826 * float(np.median(np.abs(force))), 1e-300)
-    return SlidingFit(J, Fc, sigma2, offset, top_speed, int(v.size), spread, unexplained)
+    taken = tuple(float(s) for s in solution[: added.shape[1]])
+    return SlidingFit(J, Fc, sigma2, constant, top_speed, int(v.size), spread, unexplained, taken)
