@@ -156,7 +156,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
             )
             base_view = view(base.judgement, scene)
             clock.stage("judging")
-            return not_diagnosed(case, base, scene, base_view, values, warnings, clock.report(compiling))
+            seconds = clock.report(compiling)
+            return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds)
         notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in accepted)))
     base = steps[0].before
     last = accepted[-1].model if accepted else base

@@ -198,6 +198,11 @@ class Diagnosis(eqx.Module):
     rule: Rule = eqx.field(static=True, default=Rule())
     effort: Effort = eqx.field(static=True, default=Effort())
 
+    @property
+    def was_diagnosed(self) -> bool:
+        """Whether the base model fitted well enough for effects to be tested."""
+        return not self.candidates or any(one.tested for one in self.candidates)
+
     def held_out_rmse(self, kind: Literal["prediction", "free_run"] = "prediction") -> tuple[float, float]:
         """Root mean square error on the held-out recordings, each with the same weight: of the base model and of the
         extended one. `kind`: predicted 0.1 s ahead, or a free run from the start. Position units; force units under an

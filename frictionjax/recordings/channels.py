@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.audit import audit
+from frictionjax.recordings.jumps import standing, unwrapped
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
 from frictionjax.recordings.sampling import Grid, find_grid, punctual
@@ -73,6 +74,18 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
             cure="Correct sample_rate, or bring the time column to s (scale = {t = 1e-3} for ms)",
         )
     _require_motion(entry, used, file)
+    column = entry.columns.get("x", "x")
+    used["x"], turns, jump = unwrapped(used["x"], plant.position_unit)
+    jumps = ()
+    if turns:
+        where = f"{table.place(int(rows[first + jump]))}, column `{shown(column)}`"
+        jumps = (f"x jumps by a full turn {turns} times, first at {where}: it was unwrapped.",)
+    elif (stood := standing(used["x"])) is not None:
+        where = f"{table.place(int(rows[first + stood.first]))}, column `{shown(column)}`"
+        jumps = (
+            f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {stood.count} times, first "
+            f"at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
+        )
     x = np.ascontiguousarray(grid.follow(used["x"]))
     optional = {
         role: np.ascontiguousarray(grid.follow(used[role])) if role in used else None for role in _OPTIONAL
@@ -99,9 +112,9 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
         supply=optional["supply"],
     )
     found = audit(recording, plant)
-    if said := found.sampling_sentence():
+    for said in filter(None, (found.sampling_sentence(), *jumps)):
         warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
-    return dataclasses.replace(recording, warnings=left_out + found.concerns())
+    return dataclasses.replace(recording, warnings=(*left_out, *jumps, *found.concerns()))
 
 
 def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray, " m"]:

@@ -15,7 +15,7 @@ import pytest
 from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis, fake_recording
 from PIL import Image
 
-from frictionjax.diagnosis.verdict import MismatchBin, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, MismatchBin, Unexplained
 from frictionjax.recordings import Plant
 from frictionjax.report.canvas import drawing
 from frictionjax.report.figures import comparison, residual
@@ -65,6 +65,16 @@ def page():
 
 def test_it_opens_with_the_sentence(page):
     assert page.visible.startswith(SUMMARY)
+
+
+@pytest.mark.parametrize(
+    ("tested", "badge"), [(False, "Not diagnosed: the base model"), (True, "Unknown: physics is missing")]
+)
+def test_a_case_that_was_not_diagnosed_says_so(tested, badge):
+    untested = (Candidate("creep", float("nan"), {}, tested, "not tested: the base fit is not credible"),)
+    found = replace(fake_diagnosis(n=10), verdict="unknown", missing=(), candidates=untested)
+    assert found.was_diagnosed is tested
+    assert badge in Page(render(found)).visible
 
 
 def test_it_fetches_nothing(page):

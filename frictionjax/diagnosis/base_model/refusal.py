@@ -64,8 +64,8 @@ def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
         (
             reversed_input,
             lambda model: (
-                "Reversing the sign of u gives a credible fit: a positive input moves x backwards. Set "
-                "scale = {u = -1.0}."
+                "Set scale = {u = -1.0}: a positive input moves x backwards, since with the sign of u reversed the "
+                "base model fits."
             ),
         )
     ]
@@ -75,9 +75,9 @@ def _mistakes(case: Case) -> list[tuple[Case, Callable[[Model], str]]]:
             (
                 dataclasses.replace(case, plant=dataclasses.replace(case.plant, inertia=None)),
                 lambda model: (
-                    f"With a free inertia the fit is credible, at {float(model.judgement.drive.J):.3g} instead of "
-                    f"{known:.3g}: the inertia and the motor constant contradict each other. Correct one of them, or "
-                    "leave it out."
+                    f"Correct the inertia or the motor constant, or leave one of them out: they contradict each other, "
+                    f"since the base model fits with an inertia of {float(model.judgement.drive.J):.3g} instead of "
+                    f"{known:.3g}."
                 ),
             )
         )

@@ -1,4 +1,4 @@
-"""A case whose base fit is not credible: no effect is tested, refitted or named, and a warning says what to check."""
+"""A case whose base fit is not credible: no effect is named, and the first sentence says what to correct or check."""
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.evidence.judgement import Scene
@@ -10,7 +10,9 @@ from frictionjax.recordings import Case
 
 REASON = "not tested: the base fit is not credible"
 
-SUMMARY = "Nothing was diagnosed: the base model could not be fitted to these recordings."
+CHECK = "Check that u is what drives x, on one clock, and their units: no model tried here predicts these recordings."
+"""What to do where nothing that was tried explains the fit."""
+_NOTHING = "Nothing was diagnosed."
 
 
 def not_diagnosed(
@@ -20,6 +22,7 @@ def not_diagnosed(
     predicted: View,
     parameters: dict[str, Estimate],
     warnings: tuple[str, ...],
+    cure: str,
     seconds: dict[str, float],
 ) -> Diagnosis:
     """The result for a `case` whose base fit is not credible: `unknown`, no effect named, every effect untested.
@@ -31,6 +34,7 @@ def not_diagnosed(
     - `scene`, `predicted`: its recordings, and what the base fit predicts for them, for the plots.
     - `parameters`: of the base fit.
     - `warnings`: sentences, that of `what_to_check` first.
+    - `cure`: the sentence of `mistake`, or empty.
     - `seconds`: stage -> s.
     """
     recordings = case.fit_recordings + case.holdout_recordings
@@ -38,7 +42,7 @@ def not_diagnosed(
         case=case.name,
         plant=case.plant,
         verdict="unknown",
-        summary=SUMMARY,
+        summary=f"{cure or CHECK} {_NOTHING}",
         missing=(),
         unexplained=Unexplained(True, 1.0, ""),
         mismatch=(),

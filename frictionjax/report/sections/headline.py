@@ -16,6 +16,7 @@ _BADGES = {
     "named": "Named: the missing physics is identified and modelled",
     "unknown": "Unknown: physics is missing that no effect of the catalogue explains",
 }
+_NOT_DIAGNOSED = "Not diagnosed: the base model does not fit these recordings"
 _IN_PART = "Unknown: an effect is named, but no effect of the catalogue explains the rest"
 
 
@@ -39,8 +40,11 @@ class Headline(AbstractSection):
             cards = (
                 '<p class="note">No recording was held out, so nothing here was verified on other data.</p>'
             )
-        in_part = diagnosis.verdict == "unknown" and diagnosis.missing
-        badge = _IN_PART if in_part else _BADGES[diagnosis.verdict]
+        badge = _BADGES[diagnosis.verdict]
+        if diagnosis.verdict == "unknown" and diagnosis.missing:
+            badge = _IN_PART
+        elif not diagnosis.was_diagnosed:
+            badge = _NOT_DIAGNOSED
         return (
             f'<h1>{text(first)}</h1>{lead}<p class="byline"><span class="badge {diagnosis.verdict}">'
             f"{text(badge)}</span> {text(' · '.join(facts))}</p>"
