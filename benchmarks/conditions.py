@@ -85,7 +85,7 @@ def _no_constant(case: fj.Case) -> fj.Case:
 
 
 def _alone(name: str) -> Callable[[fj.Case], fj.Case]:
-    return lambda case: fj.keep_last_third_aside(
+    return lambda case: fj.hold_out_last_third(
         dataclasses.replace(case, recordings=tuple(r for r in case.recordings if r.name == name))
     )
 

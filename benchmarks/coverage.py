@@ -104,8 +104,8 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     near = model.fitted.near
     alone = sandwich(np.asarray(near.hessian), np.asarray(near.clusters[0]))
     other = estimates(model.posterior, model.fitted.vector, alone, {})[ours]
-    told = base_fit.parameters_of(model, {}, _force(model))[ours]
-    return (told.value - true) / told.stderr, (told.value - true) / other.stderr
+    stated = base_fit.parameters_of(model, {}, _force(model))[ours]
+    return (stated.value - true) / stated.stderr, (stated.value - true) / other.stderr
 
 
 def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str, float]]:
@@ -130,11 +130,11 @@ def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str
         raise ValueError(f"Arm {seed}: {', '.join(named) or 'nothing'} is named, not what it hides.")
     sealed = json.loads(next(folder.rglob("truth.json")).read_text(encoding="utf-8"))
     truth = sealed["base"] | {"share": sealed["maxwell_slip"]["share"]}
-    alone, told = (
+    alone, stated = (
         {name: (some[name].value - true) / some[name].stderr for name, true in truth.items()}
         for some in (kept[-1], found.extended)
     )
-    return alone, told
+    return alone, stated
 
 
 def _each(what: list, label: str) -> Iterator:

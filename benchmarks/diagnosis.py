@@ -181,16 +181,16 @@ def store(folder: Path, read: dict[str, list[dict]]) -> None:
             (folder / f"{plan}.jsonl").write_text(text, encoding="utf-8")
 
 
-def told_in(folders: Sequence[Path], plan: str) -> list[dict]:
+def lines_of_plan(folders: Sequence[Path], plan: str) -> list[dict]:
     """The lines of a `plan` in the `folders`; of one job the line of the first folder that has it."""
-    told: dict[str, dict] = {}
+    lines: dict[str, dict] = {}
     for path in [path for folder in folders for path in sorted(folder.glob(f"{plan}*.jsonl"))]:
         for line in map(json.loads, path.read_text(encoding="utf-8").splitlines()):
-            told.setdefault(json.dumps(job_of(line)), line)
-    return list(told.values())
+            lines.setdefault(json.dumps(job_of(line)), line)
+    return list(lines.values())
 
 
-def told_again(old: list[dict], new: list[dict], write) -> None:
+def print_changes(old: list[dict], new: list[dict], write) -> None:
     """How many of the `old` lines can change, and how many of those are among the `new` ones."""
     made = [job_of(line) for line in new]
     for words, sides in (
@@ -261,14 +261,14 @@ def main() -> None:
             todo = jobs(plan, strengths, seeds, arguments.effects if plan == "one" else [])
             fill(
                 arguments.out / f"{plan}-{k}-of-{n}.jsonl",
-                told_in(arguments.again, plan) if arguments.again else todo,
+                lines_of_plan(arguments.again, plan) if arguments.again else todo,
                 again if arguments.again else functools.partial(diagnosed, left_out=plan == "one"),
                 part=(k - 1, n),
                 kept=sorted(arguments.out.glob(f"{plan}*.jsonl")),
             )
     read = {}
     for plan in PLANS:
-        lines = told_in((arguments.out, *arguments.beside), plan)
+        lines = lines_of_plan((arguments.out, *arguments.beside), plan)
         read[plan] = sorted(lines, key=lambda line: (line["missing"], STRENGTHS.index(line["strength"])))
     if arguments.store:
         store(arguments.store, read)
@@ -283,8 +283,10 @@ def main() -> None:
     write("\n### in all\n")
     summary(read, write)
     if arguments.again:
-        old = [line for plan in arguments.plans for line in told_in(arguments.again, plan)]
-        told_again(old, [line for plan in arguments.plans for line in told_in([arguments.out], plan)], write)
+        old = [line for plan in arguments.plans for line in lines_of_plan(arguments.again, plan)]
+        print_changes(
+            old, [line for plan in arguments.plans for line in lines_of_plan([arguments.out], plan)], write
+        )
 
 
 if __name__ == "__main__":

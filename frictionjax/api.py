@@ -54,7 +54,7 @@ from frictionjax.recordings import Plant as Plant
 from frictionjax.recordings import Recording as Recording
 from frictionjax.recordings import audit as audit
 from frictionjax.recordings import case_from_files as case_from_files
-from frictionjax.recordings import keep_last_third_aside as keep_last_third_aside
+from frictionjax.recordings import hold_out_last_third as hold_out_last_third
 from frictionjax.recordings import load_case as load_case
 from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
@@ -116,8 +116,8 @@ __all__ = [
     "fit",
     "fit_many",
     "fit_sk",
+    "hold_out_last_third",
     "identifiability",
-    "keep_last_third_aside",
     "level_sweep",
     "linearize",
     "load_case",

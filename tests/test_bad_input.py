@@ -160,7 +160,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_told_in_one_line(tmp_path, name):
+def test_bad_input_is_reported_in_one_line(tmp_path, name):
     make, words = BAD[name]
     check_message(make(tmp_path), words)
 

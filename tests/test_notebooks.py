@@ -57,7 +57,7 @@ def test_a_notebook_runs_in_its_small_setting(path, monkeypatch):
 REAL = FOLDER.parents[1] / "shared" / "real"
 
 
-def test_the_real_machines_are_told_and_drawn(monkeypatch, capsys):
+def test_the_real_machines_are_reported_and_drawn(monkeypatch, capsys):
     """What the notebook does with a diagnosis, where its data are absent."""
     cells = nbformat.read(FOLDER / "03_real_machines.ipynb", as_version=4).cells
     code = [cell.source for cell in cells if cell.cell_type == "code"]
@@ -87,6 +87,6 @@ def test_the_real_machines_run_whole(monkeypatch):
     notebook = nbformat.read(FOLDER / "03_real_machines.ipynb", as_version=4)
     NotebookClient(notebook, timeout=1200, kernel_name="python3").execute()
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
-    told = "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
+    stated = "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
     images = sum("image/png" in output.get("data", {}) for output in outputs)
-    assert images >= told.count("Known of ") > 0
+    assert images >= stated.count("Known of ") > 0

@@ -37,7 +37,7 @@ class Answer:
 
     @property
     def right_within_class(self) -> bool:
-        """The first name, or one that it is said not to be told from, is one of what is concealed."""
+        """The first name, or one that it is said not to be distinguished from, is one of what is concealed."""
         return bool(self.named) and bool(
             set(self.verdict["missing"][0]["class"]) & set(self.truth["missing"])
         )

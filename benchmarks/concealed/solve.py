@@ -106,7 +106,7 @@ def solve(
     target = batch / SOLVED
     written_down(target, json.loads((batch / SEAL).read_text(encoding="utf-8")))
     files = sorted((batch / "cases").glob("*/case.toml"))
-    begun, fresh = time.perf_counter(), 0
+    began, fresh = time.perf_counter(), 0
     arguments = [(file, target / file.parent.name, rivals, bic_seconds, diagnose, rival) for file in files]
     if executor is None:
         ends = ((one[0], _one(*one)) for one in arguments)
@@ -115,7 +115,7 @@ def solve(
         ends = ((pending[done], done.result()) for done in as_completed(pending))
     for number, (file, (verdict, new)) in enumerate(ends, start=1):
         fresh += new
-        say(f"{number} of {len(files)}, {time.perf_counter() - begun:.0f} s: {file.parent.name} {verdict}\n")
+        say(f"{number} of {len(files)}, {time.perf_counter() - began:.0f} s: {file.parent.name} {verdict}\n")
     return fresh
 
 

@@ -3,7 +3,7 @@
 The case is simulated again from its sealed seed. The oracle predicts 0.1 s ahead with the true structure and the true
 parameters, in place of a refit of the true model, from states that an observer of 50 Hz has corrected by the
 measurement: as the predictions that it is set beside. What was random it does not know. Where the recordings do not
-hold a parameter, no refit could do as well: the recovered share of the error is then told too small.
+hold a parameter, no refit could do as well: the recovered share of the error is then too small.
 """
 
 from __future__ import annotations

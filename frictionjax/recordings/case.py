@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
-from frictionjax.recordings.keep_aside import keep_last_third_aside
+from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
 from frictionjax.recordings.recording import Case, Recording
 from frictionjax.recordings.schema import CASE_KEYS, Entry, Spot, known_keys, parse_entry, parse_plant, text
@@ -157,7 +157,7 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Ca
         recordings.append(make_recording(entry, opened[path], unique, plant))
     _require_originals(recordings, entries)
     case = Case(name=name, plant=plant, recordings=tuple(recordings))
-    return keep_last_third_aside(case) if len(recordings) == 1 else case
+    return hold_out_last_third(case) if len(recordings) == 1 else case
 
 
 def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:

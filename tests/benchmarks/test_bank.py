@@ -126,14 +126,14 @@ def test_only_what_a_refused_effect_may_change_is_made_anew(monkeypatch):
     # The last round accepted something: nothing was refused beside it.
     assert bank.again(half | {"steps": half["steps"][:1]}) is None
     said, other = [], half | {"seed": 2, "left": left | {"evidence": little}}
-    diagnosis.told_again([half, other, sure], [half], said.append)
+    diagnosis.print_changes([half, other, sure], [half], said.append)
     assert said == [
         "- can change, the effect in the catalogue: 2 of 3; made anew: 1.",
         "- can change, the effect left out: 1 of 2; made anew: 0.",
     ]
 
 
-def test_of_a_machine_told_twice_the_first_folder_counts(tmp_path, monkeypatch, capsys):
+def test_of_a_machine_reported_twice_the_first_folder_counts(tmp_path, monkeypatch, capsys):
     for folder, named in (("old", []), ("new", ["creep"])):
         (tmp_path / folder).mkdir()
         line = _line(1, ["creep"], named)

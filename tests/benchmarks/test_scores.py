@@ -102,7 +102,7 @@ def test_scores_of_known_verdicts(answers):
     assert json.loads(json.dumps(found, allow_nan=False)) == json.loads(json.dumps(found))
 
 
-def test_a_reliable_confidence_is_told_from_one_that_is_not():
+def test_a_reliable_confidence_is_reported_from_one_that_is_not():
     def batch(confidence, right):
         return [
             answer(

@@ -22,7 +22,7 @@ from frictionjax.estimation.data.batch import make_batch
 
 @pytest.fixture(scope="module")
 def judged():
-    """A model that errs much in half of the blocks of two recordings, one of them kept aside."""
+    """A model that is much in error in half of the blocks of two recordings, one of them held out."""
     recordings = (
         open_loop("stick", stick_noise(4.0, seed=0), seed=1),
         open_loop("ramps", break_away(), seed=2),
@@ -58,10 +58,13 @@ def test_what_a_chaotic_machine_explains_is_seen_where_its_fit_saw_anything(judg
     batch, blocks = judged.batch, np.arange(judged.power.shape[1])
     seen = np.broadcast_to(blocks < blocks.size // 2, judged.power.shape)
     posterior = SimpleNamespace(batch=batch, weights=(jnp.asarray(1.0 * seen).ravel(),))
-    mended = eqx.tree_at(lambda j: j.power, judged, np.where(seen, 1.0, 1e4))
-    rigid, chaotic = SimpleNamespace(judgement=judged), SimpleNamespace(judgement=mended, posterior=posterior)
+    corrected = eqx.tree_at(lambda j: j.power, judged, np.where(seen, 1.0, 1e4))
+    rigid, chaotic = (
+        SimpleNamespace(judgement=judged),
+        SimpleNamespace(judgement=corrected, posterior=posterior),
+    )
     floor = np.ones((2, 1))
-    assert min(explained(judged, mended, floor)) < 0.0
+    assert min(explained(judged, corrected, floor)) < 0.0
     assert explained_where_predictable(rigid, chaotic, floor) == pytest.approx((1.0, 1.0))
 
 

@@ -35,11 +35,11 @@ def _quiet(name, role, samples):
 
 @pytest.fixture(scope="module")
 def quiet():
-    """A recording kept aside and a longer one to fit, of which nothing but the shape is used."""
+    """A recording held out and a longer one to fit, of which nothing but the shape is used."""
     return make_batch((_quiet("kept", "holdout", 3000), _quiet("fit", "fit", 4000)), encoder_step=FINE)
 
 
-def test_the_held_out_error_is_that_of_the_recordings_kept_aside_in_units_of_their_noise(quiet):
+def test_the_held_out_error_is_that_of_the_recordings_held_out_in_units_of_their_noise(quiet):
     """What is wrong in a fitted recording, or before the scoring begins, is not in it; an overflow is infinite."""
     scene = Scene(quiet, np.array([True, False]), 50.0, ("kept", "fit"))
     x, valid, noise = (np.asarray(part) for part in (quiet.x, quiet.valid, quiet.noise))
@@ -60,18 +60,18 @@ def _powers(batch, fit, holdout):
     return np.ones(batch.block_count.shape) * (2.0 * np.exp(2.0 * np.array([[holdout], [fit]])) - 1.0)
 
 
-def test_within_is_told_for_fitted_and_held_out_recordings(quiet):
-    for misfits, told in (
+def test_within_is_reported_for_fitted_and_held_out_recordings(quiet):
+    for misfits, stated in (
         ((0.0, 0.0), (True, True)),
         ((0.0, 0.1), (True, False)),
         ((0.1, 0.0), (False, True)),
     ):
         judgement = _judged(quiet, _powers(quiet, *misfits))
-        assert judgement.within(NOISE, 0.01) == told
+        assert judgement.within(NOISE, 0.01) == stated
     # Chance adds three standard errors.
     error = _judged(quiet, _powers(quiet, 0.0, 0.0)).misfit_errors()[0]
-    for more, told in ((2.9, True), (3.1, False)):
-        assert _judged(quiet, _powers(quiet, 0.01 + more * error, 0.0)).within(NOISE, 0.01) == (told, True)
+    for more, stated in ((2.9, True), (3.1, False)):
+        assert _judged(quiet, _powers(quiet, 0.01 + more * error, 0.0)).within(NOISE, 0.01) == (stated, True)
 
 
 def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(quiet):
@@ -96,7 +96,7 @@ def test_what_raises_all_of_a_recording_by_little_is_the_colour_of_its_noise(qui
         ((0.4, 0.2), (0.4, 0.3), (0.0, -0.5)),
         ((0.4, 0.2), (0.0, 0.0), (1.0, 1.0)),
         ((0.0, -0.001), (0.2, 0.2), (0.0, 0.0)),
-        # What the recordings kept aside hardly show is counted against what is adequate, 0.01, and no less.
+        # What the recordings held out hardly show is counted against what is adequate, 0.01, and no less.
         ((0.2, 0.001), (0.02, 0.003), (0.9, 0.7)),
         ((0.2, -0.001), (0.02, 0.0), (0.9, 1.0)),
         ((0.008, 0.001), (0.004, 0.003), (0.5, -2.0)),

@@ -1,4 +1,4 @@
-"""The map: a planted error is found in its bin and told in words, and noise alone is found nowhere."""
+"""The map: a planted error is found in its bin and put in words, and noise alone is found nowhere."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_an_error_after_reversals_is_found_there(world):
     assert found.share > 0.8
 
 
-def test_a_distance_is_told_where_it_tells_more_than_a_time(stops):
+def test_a_distance_is_reported_where_it_tells_more_than_a_time(stops):
     """Motions of many speeds, an error in the first 2 mrad of each: the time that takes differs."""
     world, age, _ = stops
     turn = np.where(np.isfinite(age) & (age < 1.0 / RATE), np.arange(world.t.size), 0)
@@ -143,7 +143,7 @@ def _false_maps(world, floor, chance, repetitions):
     ],
 )
 def test_one_map_in_twenty_of_noise_has_a_significant_bin(world, repetitions, floored):
-    """Over all bins of all axes; with an unmeasured force too. Rarer still is a place told in words."""
+    """Over all bins of all axes; with an unmeasured force too. Rarer still is a place put in words."""
     blocks = np.asarray(world.scene.batch.block_count).shape
     floor = 1.0 + 3.0 * np.random.default_rng(5).random(blocks) if floored else None
     chance = world.chance_above(floor) if floored else world.chance
@@ -160,7 +160,7 @@ def test_the_level_of_a_map_is_that_of_its_largest_bin():
     assert p_values == pytest.approx([1.0, 0.505, 0.005])
 
 
-def test_an_error_that_is_everywhere_is_told(world):
+def test_an_error_that_is_everywhere_is_reported(world):
     found = world.planted(np.ones(world.motion.x.shape), size=3.0)
     assert found.where.startswith("every regime (10 times the expected power)")
     assert found.within == ()
@@ -175,7 +175,7 @@ def test_a_short_burst_is_no_chance(world):
     assert found.bin == "one from 2.67 to 5.33 s"
 
 
-def test_an_error_after_long_rests_is_told_as_such(stops):
+def test_an_error_after_long_rests_is_reported_as_such(stops):
     world, age, rest = stops
     found = world.planted((age < 0.05) & (rest > 0.3))
     (dwell,) = (part for part in found.within if part.axis == "dwell")
@@ -190,13 +190,13 @@ def test_an_error_after_long_rests_is_told_as_such(stops):
     assert bins["after rests of 0.1 to 0.3 s"].p_value >= 0.05
 
 
-def test_an_error_at_one_place_in_one_direction_is_told_as_such(world):
+def test_an_error_at_one_place_in_one_direction_is_reported_as_such(world):
     found = world.planted((world.motion.x > 0.05) & (world.motion.x < 0.1) & (world.motion.v < 0.0))
     assert "x 0.05 to 0.1 rad (100 % of the excess" in found.where
     assert found.where.endswith("only moving backward (100 %)")
 
 
-def test_an_error_in_every_motion_is_not_told_of_a_part(stops):
+def test_an_error_in_every_motion_is_not_reported_of_a_part(stops):
     """Motions whose errors differ by chance alone: none of the parts compared holds more, but for one map in twenty."""
     world, age, _ = stops
     event = np.cumsum(np.diff(np.isfinite(age), axis=1, prepend=False), axis=1)
@@ -230,7 +230,7 @@ def _bin(axis, label, share, excess, *, p_value=float("nan"), count=1000):
     return MismatchBin(axis, label, share, excess, 1.0, count, p_value)
 
 
-def test_where_is_told_in_words():
+def test_where_is_reported_in_words():
     bins = (
         _bin("regime", "sliding", 0.9, 12.34),
         _bin("regime", "stick", 0.1, 1.3),
@@ -246,7 +246,7 @@ def test_where_is_told_in_words():
     assert "over 1000 times" in where_words((_bin("regime", "sliding", 1.0, 2e5),))
 
 
-def test_what_is_small_or_may_be_chance_is_not_told():
+def test_what_is_small_or_may_be_chance_is_not_reported():
     assert where_words((_bin("regime", "sliding", 1.0, 1.1),)) == "nowhere above the noise"
     assert where_words((_bin("regime", "sliding", 1.0, 3.0, p_value=0.2),)) == "nowhere above the noise"
     assert lead_of((_bin("regime", "sliding", 1.0, 3.0, p_value=0.2),)) == ()

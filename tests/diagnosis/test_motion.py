@@ -244,7 +244,7 @@ def test_the_program_diagnoses_imposed_motions(tmp_path):
 
 
 def tribometer_cycles(case):
-    """The cycles of both recordings of the tribometer, odd ones to fit, even ones kept aside."""
+    """The cycles of both recordings of the tribometer, odd ones to fit, even ones held out."""
     samples, first, last = (
         800,
         547,

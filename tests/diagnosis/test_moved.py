@@ -23,7 +23,7 @@ def rounds():
 
 @pytest.fixture(scope="module")
 def before(rounds):
-    """What is told of the model with the load, by its standard errors alone."""
+    """What is reported of the model with the load, by its standard errors alone."""
     return parameters_of(rounds[0].accepted.model, {})
 
 
@@ -35,12 +35,12 @@ def _refused(step):
     return dataclasses.replace(step, accepted=None, dropped="explains too little")
 
 
-def _told(before, *steps):
+def _stated(before, *steps):
     return moved(before, steps[0].accepted.model.posterior.layout, list(steps))
 
 
 def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rounds, before):
-    after, said = _told(before, rounds[0], _refused(rounds[1]))
+    after, said = _stated(before, rounds[0], _refused(rounds[1]))
     far = {name for name, error in _errors(before).items() if abs(error) > 4.0}
     assert len(far) >= 2
     assert max(abs(error) for error in _errors(after).values()) < 1.96
@@ -49,7 +49,7 @@ def test_a_refused_effect_that_is_real_brings_the_truth_back_into_the_errors(rou
 
 
 def test_the_distance_adds_to_the_error_as_a_variance(rounds, before):
-    after, _ = _told(before, rounds[0], _refused(rounds[1]))
+    after, _ = _stated(before, rounds[0], _refused(rounds[1]))
     here, there = (float(one.accepted.model.judgement.drive.J) for one in rounds)
     assert after["J"].stderr ** 2 == pytest.approx(before["J"].stderr ** 2 + (there - here) ** 2, rel=1e-9)
 
@@ -75,13 +75,13 @@ def test_what_chance_brings_widens_nothing(rounds, before, chance):
     else:
         fit, held = row.misfits_after[0], 1.01 * row.misfits_before[1]
         row = dataclasses.replace(row, misfits_after=(fit, held))
-    after, said = _told(before, rounds[0], dataclasses.replace(refused, compared=[row]))
+    after, said = _stated(before, rounds[0], dataclasses.replace(refused, compared=[row]))
     assert after == before
     assert said
 
 
 def test_errors_stay_where_the_last_round_accepted(rounds, before):
     """Three effects may be named: after the third nobody asked what is left."""
-    after, said = _told(before, rounds[0])
+    after, said = _stated(before, rounds[0])
     assert after == before
     assert said

@@ -209,7 +209,7 @@ def test_what_a_trial_promises_is_what_its_vector_gives(tried):
 
 
 def test_a_one_step_estimate_is_a_possible_value(tried):
-    """A delay is not negative: what is told is what was simulated."""
+    """A delay is not negative: what is reported is what was simulated."""
     _, _, _, _, trials = tried
     for trial in trials:
         for parameter in trial.form.strengths:

@@ -31,18 +31,20 @@ def _few(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def told():
-    """What a diagnosis told of its progress."""
+def stated():
+    """What a diagnosis stated of its progress."""
     return []
 
 
 @pytest.fixture(scope="module")
-def late(told):
+def late(stated):
     """The small case with an input that acts 1 ms late."""
     with pytest.MonkeyPatch.context() as monkeypatch, ThreadPoolExecutor(2) as executor:
         _few(monkeypatch)
         return diagnose(
-            small_case(late=LATE), executor=executor, progress=lambda stage, done: told.append((stage, done))
+            small_case(late=LATE),
+            executor=executor,
+            progress=lambda stage, done: stated.append((stage, done)),
         )
 
 
@@ -94,11 +96,11 @@ def test_the_map_tells_what_the_extension_mends(late):
     assert after / sum(b.count for b in late.mismatch if b.axis == "time") == pytest.approx(1.0, abs=0.2)
 
 
-def test_progress_and_times_are_told(late, told):
-    done = [fraction for _, fraction in told]
+def test_progress_and_times_are_reported(late, stated):
+    done = [fraction for _, fraction in stated]
     assert done == sorted(done)
     assert (done[0], done[-1]) == (0.0, pytest.approx(0.95, abs=0.05))
-    assert any("testing every effect" in stage for stage, _ in told)
+    assert any("testing every effect" in stage for stage, _ in stated)
     assert set(late.seconds) >= {"start", "base fit", "naming", "judging", "compile", "total"}
     stages = sum(value for name, value in late.seconds.items() if name not in ("total", "compile"))
     assert stages == pytest.approx(late.seconds["total"], abs=0.1)

@@ -41,7 +41,7 @@ def one():
 
 @pytest.mark.parametrize("effects", [(), (LAG,)])
 def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
-    """Noise in stick says little of Coulomb friction, and the moves kept aside then miss; unless more is missing, one
+    """Noise in stick says little of Coulomb friction, and the moves held out then miss; unless more is missing, one
     set of parameters predicts all."""
     drive = PLANT.with_effects(*effects)
     recordings = [

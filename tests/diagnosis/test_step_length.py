@@ -84,7 +84,7 @@ def test_a_base_fit_keeps_the_steps_it_needs(quiet):
 
 
 def test_a_run_that_is_no_number_asks_for_no_steps(quiet):
-    """Only what finer steps mend asks for them."""
+    """Only what finer steps correct asks for them."""
     posterior, vector = quiet
     assert steps_needed(posterior, vector.at[0].set(jnp.nan)) == 1
 

@@ -33,7 +33,7 @@ def test_a_map_is_linear_between_its_knots_and_constant_beyond(form):
 
 
 @pytest.mark.slow
-def test_a_bump_along_the_stroke_is_mapped_and_predicts_what_was_kept_aside():
+def test_a_bump_along_the_stroke_is_mapped_and_predicts_what_was_held_out():
     plant = PLANT.with_effects(PositionLevelMap(**BUMP))
     there = closed_loop("there", moves(4.0, (0.12, -0.02, 0.1, 0.0), (0.5,) * 4), seed=2, drive=plant)
     back = closed_loop("back", moves(4.0, (0.1, 0.0, 0.11, 0.01), (0.6,) * 4), seed=3, drive=plant)
@@ -57,23 +57,23 @@ def case(*recordings, unit="rad"):
     return Case("case", plant, tuple(recordings))
 
 
-def test_what_the_recordings_cannot_show_is_told():
+def test_what_the_recordings_cannot_show_is_reported():
     stick, wide = open_loop("stick", stick_noise(2.0), seed=1), closed_loop("wide", moves(3.0), seed=2)
     lacking, _ = not_testable(case(stick), make_batch((stick,), encoder_step=FINE))
     assert "slides" in lacking["friction_lag"] and "creep" not in lacking
     assert "warmup" in lacking
     both = case(stick, wide, unit="m")
     assert set(missing_needs(both, make_batch((stick, wide), encoder_step=FINE))) >= {"angle"}
-    told, _ = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
-    assert "friction_lag" not in told and "radian" in told["gravity_pendulum"]
-    assert "warmup" in told
+    stated, _ = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
+    assert "friction_lag" not in stated and "radian" in stated["gravity_pendulum"]
+    assert "warmup" in stated
 
 
 def test_a_form_that_cannot_be_seen_does_not_bar_the_others():
     once, twice = closed_loop("early", moves(3.0), seed=2), closed_loop("late", moves(3.0), seed=3)
     clocked = once, dataclasses.replace(twice, start_time=60.0)
-    told, forms = not_testable(case(*clocked), make_batch(clocked, encoder_step=FINE))
-    assert "warmup" not in told and forms == {"WarmupByTemperature"}
+    stated, forms = not_testable(case(*clocked), make_batch(clocked, encoder_step=FINE))
+    assert "warmup" not in stated and forms == {"WarmupByTemperature"}
     warm = tuple(dataclasses.replace(r, temperature=20.0 + np.linspace(0.0, 5.0, r.x.size)) for r in clocked)
     _, forms = not_testable(case(*warm), make_batch(warm, encoder_step=FINE))
     assert not forms
@@ -99,7 +99,7 @@ def test_why_an_effect_was_or_was_not_named():
         found.explain("wear")
 
 
-def test_an_effect_of_the_class_is_told_with_the_experiment():
+def test_an_effect_of_the_class_is_reported_with_the_experiment():
     found = fake_diagnosis()
     row = dataclasses.replace(found.candidates[0], effect="elasto_plastic")
     text = dataclasses.replace(found, candidates=(row,)).explain("elasto_plastic")

@@ -82,7 +82,7 @@ def test_what_explains_nearly_all_is_named():
     assert _unexplained(verdict, left, BINS, None).where == ""
 
 
-def test_what_explains_most_is_named_and_the_rest_is_told():
+def test_what_explains_most_is_named_and_the_rest_is_reported():
     verdict, left = _verdict((0.4, 0.3), (0.04, 0.06))
     assert verdict == "named"
     assert left == (True, pytest.approx(0.2))
@@ -178,7 +178,7 @@ def test_held_out_recordings_alone_can_tell_that_something_is_missing():
 
 
 @pytest.mark.parametrize("helps", [True, False])
-def test_a_map_that_predicts_recordings_kept_aside_is_told(helps):
+def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
     residual = SimpleNamespace(variable="velocity", helps=helps, gains=_row((0.5, 0.4)).gains(RULE))
     found = _unexplained("unknown", (True, 1.0), BINS, residual)
     if helps:
@@ -262,12 +262,12 @@ def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure de
 NOTHING = Unexplained(False, 0.0, "")
 
 
-def test_an_adequate_model_is_told_in_one_sentence():
+def test_an_adequate_model_is_reported_in_one_sentence():
     found = summary_sentence("adequate", (), NOTHING, "nowhere above the noise", (fake_recording(n=200),))
     assert found == "Nothing significant is missing: the base model explains the recordings to the noise."
 
 
-def test_the_named_effect_its_place_and_the_held_out_error_are_told():
+def test_the_named_effect_its_place_and_the_held_out_error_are_reported():
     fits = (fake_recording("a", role="fit", n=400), fake_recording("kept", n=400))
     found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits)
     base, extended = fits[1].prediction_rmse_base, fits[1].prediction_rmse_extended
@@ -278,7 +278,7 @@ def test_the_named_effect_its_place_and_the_held_out_error_are_told():
     )
 
 
-def test_what_cannot_be_told_apart_is_told_too():
+def test_what_cannot_be_distinguished_is_reported_too():
     effect = _missing_effect(effect_class=("delay", "drive_lag"))
     found = summary_sentence("named", (effect,), NOTHING, "stick", (fake_recording(n=200),))
     assert (
@@ -287,7 +287,7 @@ def test_what_cannot_be_told_apart_is_told_too():
     )
 
 
-def test_several_effects_are_told_together():
+def test_several_effects_are_reported_together():
     effects = (_missing_effect(), _missing_effect("constant_load", ("constant_load",), "a constant force"))
     found = summary_sentence("named", effects, NOTHING, "stick", (fake_recording(n=200),))
     assert found.startswith(
@@ -295,7 +295,7 @@ def test_several_effects_are_told_together():
     )
 
 
-def test_the_unknown_is_told_with_its_place():
+def test_the_unknown_is_reported_with_its_place():
     found = summary_sentence("unknown", (), Unexplained(True, 1.0, "sliding"), "sliding (90 %)", ())
     assert (
         found

@@ -64,7 +64,7 @@ def test_a_period_is_counted_among_those_it_was_chosen_from(stroke):
     assert fine.among > 100 * coarse.among
 
 
-def test_friction_is_told_from_cogging(stroke):
+def test_friction_is_reported_from_cogging(stroke):
     """A friction that varies is odd in the velocity; seen as even it averages out."""
     x, v, batch = stroke
     wave = 3.0 * np.sin(2.0 * np.pi * x / 0.05)

@@ -335,9 +335,9 @@ def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
         posterior, vector = extend(fitted.posterior, fitted.fitted.vector, effect(name), scales)
         with_effect = Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST)
         model = Model(posterior, with_effect, judge(posterior, with_effect))
-        told = reported_parameters(model, UNITS)[1]
-        assert told.startswith(said)
-        assert bool(told) == bool(said)
+        stated = reported_parameters(model, UNITS)[1]
+        assert stated.startswith(said)
+        assert bool(stated) == bool(said)
 
 
 @pytest.mark.slow

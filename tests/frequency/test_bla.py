@@ -92,7 +92,7 @@ def test_a_linear_machine_leaves_only_noise_at_the_detection_lines():
         assert kstest(values, "uniform").pvalue > 1e-4
 
 
-def test_noise_of_a_measured_input_is_told_too():
+def test_noise_of_a_measured_input_is_reported_too():
     """The input is measured with noise that moves the machine as well: no error; what is not shared counts."""
     m, periods, sigma = 60, 6, 0.05
     rng = np.random.default_rng(9)

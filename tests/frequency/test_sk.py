@@ -198,7 +198,7 @@ def _with_noise(exact, response, relative, seed=0):
 
 
 @pytest.mark.parametrize(("mode", "share"), [(260.0, 0.1), (260.0, 0.5), (200.0, 0.3)])
-def test_a_mode_above_the_band_is_told_as_misfit_and_a_narrower_band_mends_it(mode, share):
+def test_a_mode_above_the_band_is_reported_as_misfit_and_a_narrower_band_mends_it(mode, share):
     exact = _exact(ARM, 2000.0)
     s, w = 2j * np.pi * np.asarray(exact.frequency), 2.0 * np.pi * mode
     response = np.asarray(exact.response) * (1.0 - share * s**2 / (s**2 + 0.06 * w * s + w**2))

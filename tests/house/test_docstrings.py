@@ -26,7 +26,7 @@ def _function_gaps(function: Callable, name: str, doc: str | None = None) -> Ite
         yield f"{name} has no docstring."
         return
     for argument in inspect.signature(function).parameters:
-        if argument not in ("self", "cls") and not argument.startswith("_") and not _told(argument, doc):
+        if argument not in ("self", "cls") and not argument.startswith("_") and not _stated(argument, doc):
             yield f"{name} does not say what `{argument}` is."
 
 
@@ -39,7 +39,7 @@ def _class_gaps(cls: type, name: str) -> Iterator[str]:
         return
     if dataclasses.is_dataclass(cls):
         for field in dataclasses.fields(cls):
-            if not field.name.startswith("_") and not _told(field.name, doc):
+            if not field.name.startswith("_") and not _stated(field.name, doc):
                 yield f"{name} does not say what `{field.name}` is."
     elif getattr(cls, "_is_protocol", False):
         if "__call__" in vars(cls):
@@ -64,7 +64,7 @@ def _is_documentable(member: Any) -> bool:
     return isinstance(member, wrappers) or inspect.isfunction(member)
 
 
-def _told(word: str, doc: str) -> bool:
+def _stated(word: str, doc: str) -> bool:
     """Whether `word` stands inside a pair of backticks."""
     return any(
         re.search(rf"(?<!\w){re.escape(word)}(?!\w)", span) for span in re.findall(r"`+([^`]+)`+", doc)

@@ -28,7 +28,7 @@ EXPECTED = sorted(
         *("Observation", "Gaussian", "Cauchy", "Huber", "Replicas", "fit_many"),
         *("Profile", "profile_likelihood", "Bootstrap", "bootstrap"),
         *("Information", "fisher_information", "Identifiability", "identifiability"),
-        "keep_last_third_aside",
+        "hold_out_last_third",
         *("Ranking", "rank_experiments", "Discrimination", "rank_for_discrimination"),
         *("DesignedMultisine", "optimise_multisine"),
         *("load_fit", "save_fit", "save_diagnosis", "MujocoJoint", "mujoco_joint"),

@@ -75,7 +75,7 @@ def test_the_documents_speak_plain_english(document):
         ('def f():\n    """Plain.\n\n    told"""', 0),
         ('x = "told"', 0),  # a key or a name
         ('x = f"{n} were mended, {n} were told"', 2),
-        ('x = "`keep_last_third_aside(case)` holds out the last third"', 0),
+        ('x = "`set_aside(case)` holds out the last third"', 0),
         ('x = "kindness is akin to it"', 0),
     ],
 )

@@ -236,7 +236,7 @@ def _diagnose(k) -> Call:
 
 
 class Traced(NamedTuple):
-    """A public verb: `prepare(0)` gives its first call, `prepare(1)`, ... the others, each told by a word."""
+    """A public verb: `prepare(0)` gives its first call, `prepare(1)`, ... the others, each with a word."""
 
     verb: str
     prepare: Callable[[int], Call]
@@ -281,9 +281,9 @@ TRACED = (
 RECORDING = api.Recording("run", 1000.0, *np.random.default_rng(0).standard_normal((2, 400)))
 
 
-def _kept_aside():
+def _held_out():
     with pytest.warns(FrictionjaxWarning, match="last third"):
-        api.keep_last_third_aside(api.Case("one", api.Plant(), (RECORDING,)))
+        api.hold_out_last_third(api.Case("one", api.Plant(), (RECORDING,)))
 
 
 UNTRACED: dict[str, tuple[str, Callable]] = {
@@ -302,7 +302,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         "a handful of small least squares, in numpy",
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
     ),
-    "keep_last_third_aside": ("cuts a recording", lambda folder: _kept_aside()),
+    "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
     "identifiability": (
         "small matrices, in numpy",
         lambda folder: api.identifiability(_information()),

@@ -48,8 +48,8 @@ def test_every_form_says_what_it_is(name):
         assert bool(about.split_by) or not about.confused_with
         assert set(about.confused_with) <= set(NAMES) - {name}
         assert set(about.needs) <= NEEDS
-        told = [parameter.name for parameter in form.strengths + form.nuisances]
-        assert told == [field.name for field in dataclasses.fields(form)]
+        stated = [parameter.name for parameter in form.strengths + form.nuisances]
+        assert stated == [field.name for field in dataclasses.fields(form)]
         for parameter in form.strengths + form.nuisances:
             assert parameter.unit and parameter.meaning
             assert parameter.lower < parameter.upper

@@ -89,7 +89,7 @@ def test_shares_and_yields_are_normalised(spread, skew):
     assert float(jnp.mean(bank.slack[1:])) == pytest.approx(1.0, rel=1e-14)
 
 
-def test_a_few_elements_yield_where_they_are_told_to():
+def test_a_few_elements_yield_where_they_are_reported_to():
     """Virgin curve of four elements: its slope falls by each one's share at its own deflection, and there only."""
     steps, weights = np.array([0.4, 1.2, 0.8]), np.array([2.0, 0.5, 1.5])
     given = {f"step{i + 1}": step for i, step in enumerate(steps)}

@@ -194,7 +194,7 @@ def test_values_that_are_not_finite_are_counted_and_bridged():
     assert "x has 3 values that are not a number" in found.concerns()[0]
 
 
-def test_constant_and_clipped_channels_are_told():
+def test_constant_and_clipped_channels_are_reported():
     x = measured(wiggle(2e-4, 4.0))
     found = audit(
         recording(x, np.clip(wiggle(1.0, 4.0), -0.5, 0.5), temperature=np.full(x.size, 20.0)), Plant()

@@ -161,6 +161,6 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_told_in_one_line(tmp_path, name):
+def test_a_bad_file_is_reported_in_one_line(tmp_path, name):
     make, words = BAD[name]
     check_message(make(tmp_path), words)

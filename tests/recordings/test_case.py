@@ -185,7 +185,7 @@ def test_a_mat_file_is_read_like_a_text_file(tmp_path):
     assert run.v is None and "`v` has 7 samples" in run.warnings[0]
 
 
-def test_resampling_is_told_twice(tmp_path):
+def test_resampling_is_reported_twice(tmp_path):
     keep = np.r_[0:100, 103:N]
     write(tmp_path / "run.csv", channels=(T[keep], U[keep], X[keep]))
     with pytest.warns(FrictionjaxWarning, match=r"run\.csv: The time stamps have 1 gap \(3 samples missing"):

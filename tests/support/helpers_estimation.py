@@ -122,7 +122,7 @@ def experiment(*, drive=PLANT, late=0, seed=0, noise=NOISE, substeps=4, seconds=
 
 
 def small_case(*, drive=PLANT, late=0, seed=0, seconds=4.0):
-    """The experiment as a case, with other moves kept aside."""
+    """The experiment as a case, with other moves held out."""
     more = moves(positions=(-0.25, 0.1, 0.07), durations=(0.3, 0.5, 0.4))
     held = closed_loop("others", more, seed=10 * seed + 5, drive=drive, late=late, role="holdout")
     plant = Plant(
@@ -136,7 +136,7 @@ def small_case(*, drive=PLANT, late=0, seed=0, seconds=4.0):
 
 
 def base_fit(starts, recordings, *, progress=silent, known_inertia=False, encoder_step=FINE):
-    """The base model fitted robustly to those of the `recordings` that are not kept aside: a `Model`."""
+    """The base model fitted robustly to those of the `recordings` that are not held out: a `Model`."""
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     with ThreadPoolExecutor(2) as executor:

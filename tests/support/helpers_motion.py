@@ -1,4 +1,4 @@
-"""Simulated tribometer cases: imposed motions of two kinds to fit, and others of the same kinds kept aside."""
+"""Simulated tribometer cases: imposed motions of two kinds to fit, and others of the same kinds held out."""
 
 from typing import Literal
 
@@ -35,7 +35,7 @@ def measured(name, x, *, drive=ROTARY, role: Literal["fit", "holdout"] = "fit", 
 
 
 def motion_case(drive=ROTARY, more=None):
-    """Triangles and sines to fit, smaller ones that run backwards kept aside."""
+    """Triangles and sines to fit, smaller ones that run backwards held out."""
     parts: tuple[tuple[str, np.ndarray, Literal["fit", "holdout"]], ...] = (
         ("triangles", triangles(), "fit"),
         ("sines", sines(), "fit"),

@@ -87,9 +87,9 @@ def main() -> None:
     for name in names:
         for seed in range(options.seeds):
             missing = (name,) if name else ()
-            begun = time.perf_counter()
+            began = time.perf_counter()
             case = make_case(seed, missing, options.strength)
-            spent = time.perf_counter() - begun
+            spent = time.perf_counter() - began
             null = make_case(seed, (), kind=case.machine.kind)
             finite = all(np.isfinite(r["x"]).all() and np.isfinite(r["u"]).all() for r in case.recordings)
             row = f"{name or '(null)':30s} {seed:4d}  {case.machine.kind:7s} {finite!s:6s} {excursion(case):8.2f}"

@@ -35,11 +35,11 @@ def run_rivals(case: fj.Case, verdict: dict, bic_seconds: float = 0.0) -> dict:
     for name, rival in asked.items():
         start = time.perf_counter()
         try:
-            told = rival(ground)
+            found = rival(ground)
         except (
             ValueError,
             FloatingPointError,
         ) as error:  # a singular matrix, a trajectory that is not finite
-            told = {"failed": str(error)}
-        said[name] = told | {"seconds": round(time.perf_counter() - start, 2)}
+            found = {"failed": str(error)}
+        said[name] = found | {"seconds": round(time.perf_counter() - start, 2)}
     return said

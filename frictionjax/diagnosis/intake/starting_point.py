@@ -83,7 +83,7 @@ def check(case: Case) -> None:
             "a diagnosis needs recordings to fit and at least one held-out recording",
             file=case.name,
             cure='give one recording role = "holdout": it decides whether a name is accepted; for a single recording, '
-            "`keep_last_third_aside(case)` holds out its last third",
+            "`hold_out_last_third(case)` holds out its last third",
         )
     if not imposed:
         check_usable(case)

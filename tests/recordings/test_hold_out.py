@@ -5,7 +5,7 @@ import pytest
 from helpers_recordings import HEADER
 
 from frictionjax.core import FrictionjaxWarning, InputError
-from frictionjax.recordings import Case, Plant, Recording, case_from_files, keep_last_third_aside, load_case
+from frictionjax.recordings import Case, Plant, Recording, case_from_files, hold_out_last_third, load_case
 
 
 def _csv(folder, rows=900):
@@ -48,7 +48,7 @@ def test_every_channel_is_divided():
     force = np.arange(n, dtype=float)
     one = Recording("a", 100.0, np.zeros(n), np.sin(force), drive="motion", force=force, start_time=5.0)
     with pytest.warns(FrictionjaxWarning):
-        fit, held = keep_last_third_aside(Case("bench", Plant(), (one,))).recordings
+        fit, held = hold_out_last_third(Case("bench", Plant(), (one,))).recordings
     np.testing.assert_array_equal(np.concatenate([fit.force, held.force]), force)
     assert held.start_time == pytest.approx(9.0)
     assert held.drive == "motion"
@@ -57,7 +57,7 @@ def test_every_channel_is_divided():
 def test_two_recordings_are_not_divided():
     one = Recording("a", 100.0, np.ones(600), np.ones(600))
     with pytest.raises(InputError, match=r'there are 2 recordings.*role = "holdout"'):
-        keep_last_third_aside(Case("bench", Plant(), (one, one)))
+        hold_out_last_third(Case("bench", Plant(), (one, one)))
 
 
 def test_a_case_file_of_one_recording_is_divided_like_a_bare_file(tmp_path):

@@ -13,7 +13,7 @@ _LEAST = 100  # samples in the held-out part
 _CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
 
 
-def keep_last_third_aside(case: Case) -> Case:
+def hold_out_last_third(case: Case) -> Case:
     """The case with the last third of its only recording held out, under the name `<name>_last_third`.
 
     The end of a run is no independent experiment: it shares the run's operating point, and cannot validate what shows
