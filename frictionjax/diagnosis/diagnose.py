@@ -23,6 +23,7 @@ from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import check, starting_point
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
@@ -201,13 +202,16 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     notes += without_experiment
     missing = _missing(steps, decision.evidence, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
+    unmeasured = unmeasured_force(last, steps[-1].force)
     fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
         plant=plant,
         verdict=verdict,
-        summary=summary_sentence(verdict, missing, unexplained, located.where, fits),
+        summary=summary_sentence(
+            verdict, missing, unexplained, located.where, fits, unmeasured, plant.force_unit, rule=rule
+        ),
         missing=missing,
         unexplained=unexplained,
         mismatch=bins,
@@ -221,6 +225,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         comparisons=selection.tables,
         rule=rule,
         effort=effort,
+        unmeasured=unmeasured,
     )
 
 

@@ -154,6 +154,9 @@ class Limits:
     - `one`: the same for one effect whose equation is an approximation (creep, hysteresis). As `one_exact`; right names
       left up to 30 %.
     - `several`: the same for several effects of which one is an approximation. As `one_exact`.
+    - `unmeasured`: part of the applied force, both root mean square, from which the sentence of `adequate` states the
+      unmeasured force that the model needs. Larger: physics that it hides is called noise; smaller: noise of a drive is
+      called a force. By hand.
     """
 
     adequate: float = 0.01
@@ -163,6 +166,7 @@ class Limits:
     several_exact: float = 0.04
     one: float = 0.3
     several: float = 0.1
+    unmeasured: float = 0.02
 
 
 @dataclasses.dataclass(frozen=True)

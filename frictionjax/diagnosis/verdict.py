@@ -118,6 +118,19 @@ class Within:
 
 
 @dataclass(frozen=True)
+class Unmeasured:
+    """The random force, constant over each sample, that a model needs beside it to explain its prediction errors.
+
+    **Attributes:** `force` (root mean square, force units), `of_coulomb` (over Coulomb friction), `of_applied` (over
+    the root mean square of the applied force, or of the measured one where the motion is imposed).
+    """
+
+    force: float
+    of_coulomb: float
+    of_applied: float
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect of the catalogue, and the evidence for it.
 
@@ -177,7 +190,8 @@ class Diagnosis(eqx.Module):
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
-    two models that the search made, one `Table` a step), and the `rule` and the `effort` with which it was made.
+    two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, and the
+    force that the last model needs beside it, `unmeasured` (None where no effect was tested).
     """
 
     case: str = eqx.field(static=True)
@@ -197,6 +211,7 @@ class Diagnosis(eqx.Module):
     comparisons: tuple[Table, ...] = eqx.field(static=True, default=())
     rule: Rule = eqx.field(static=True, default=Rule())
     effort: Effort = eqx.field(static=True, default=Effort())
+    unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:

@@ -22,6 +22,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
     is_predictable,
 )
 from frictionjax.diagnosis.findings.residual_map import helps
+from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.coverage import Coverage
 from frictionjax.diagnosis.mismatch_map.axes import Axis
 from frictionjax.diagnosis.mismatch_map.conditions import (
@@ -39,7 +40,7 @@ from frictionjax.diagnosis.selection.candidate_table import excused_floor, may_e
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import adequate, verdict_of
 from frictionjax.diagnosis.table import Comparison, Gains, Lead, Table
-from frictionjax.diagnosis.verdict import MismatchBin, Within
+from frictionjax.diagnosis.verdict import MismatchBin, Unexplained, Unmeasured, Within
 
 Probe = tuple[Callable[[Rule], Any], Any]
 
@@ -207,6 +208,16 @@ _WEAK = {"shares": (0.5, 0.5), "p_value": 1.0}
 _FAR = {"shares": (0.1, 0.1), "before": (2.0, 2.0)}
 _BEST = row((0.95, 0.95), waves=((0.1, False),))  # refused: nothing repeats in a tenth of its period
 
+
+def _noise_is_stated(part: float) -> Callable[[Rule], bool]:
+    """Whether the sentence of `adequate` states an unmeasured force of this `part` of the applied one."""
+    force = Unmeasured(0.1, 0.5, part)
+    return lambda rule: (
+        "unmeasured force"
+        in summary_sentence("adequate", (), Unexplained(False, 0.0, ""), "", (), force, "N*m", rule=rule)
+    )
+
+
 PROBES: dict[str, list[Probe]] = {
     "floor.quantile": [(_force(np.ones(101), np.linspace(1e-3, 3e-3, 101)), 0.0018)],
     "floor.answering": [
@@ -284,6 +295,7 @@ PROBES: dict[str, list[Probe]] = {
     "limits.several_exact": [(_verdict(0.03, True, True), "named"), (_verdict(0.05, True, True), "unknown")],
     "limits.one": [(_verdict(0.2, False), "named"), (_verdict(0.4, False), "unknown")],
     "limits.several": [(_verdict(0.07, True, False), "named"), (_verdict(0.12, True, False), "unknown")],
+    "limits.unmeasured": [(_noise_is_stated(0.012), False), (_noise_is_stated(0.025), True)],
     "credible.energy": [
         (lambda rule: Credibility(0.4, 0.0, ()).is_credible(rule=rule), False),
         (lambda rule: Credibility(0.6, 0.0, ()).is_credible(rule=rule), True),

@@ -1,6 +1,7 @@
 """The verdict in plain words."""
 
-from frictionjax.diagnosis.verdict import MissingEffect, RecordingFit, Unexplained
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.verdict import MissingEffect, RecordingFit, Unexplained, Unmeasured
 
 
 def summary_sentence(
@@ -9,6 +10,10 @@ def summary_sentence(
     unexplained: Unexplained,
     where: str,
     fits: tuple[RecordingFit, ...],
+    unmeasured: Unmeasured | None = None,
+    unit: str = "",
+    *,
+    rule: Rule = Rule(),
 ) -> str:
     """The sentence that opens the report.
 
@@ -19,8 +24,17 @@ def summary_sentence(
     - `unexplained`: what remains.
     - `where`: where the base model's mismatch is, in words.
     - `fits`: the recordings, for the held-out errors.
+    - `unmeasured`: the force that the model needs beside it, in the force `unit`.
+    - `rule`: from where that force is stated.
     """
     if verdict == "adequate":
+        if unmeasured is not None and unmeasured.of_applied > rule.limits.unmeasured:
+            return (
+                "No effect of the catalogue is significant, but beside the base model the recordings need an "
+                f"unmeasured force of {unmeasured.force:.2g} {unit} rms "
+                f"({100 * unmeasured.of_coulomb:.2g} % of Coulomb friction, "
+                f"{100 * unmeasured.of_applied:.2g} % of the applied force), and nothing here explains that."
+            )
         return "Nothing significant is missing: the base model explains the recordings to the noise."
     held_out = _held_out(fits)
     if not missing:

@@ -1,0 +1,34 @@
+"""The unmeasured force in units, against friction and the applied force."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers_estimation import PLANT
+
+from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
+
+VALID = np.array([[0.0, 1.0, 1.0, 1.0]])
+
+
+def model(inputs, answer):
+    """A model of `PLANT` on one recording whose first sample is not scored."""
+    batch = SimpleNamespace(valid=VALID, inputs=inputs, answer=answer)
+    return SimpleNamespace(posterior=SimpleNamespace(batch=batch), judgement=SimpleNamespace(drive=PLANT))
+
+
+def test_the_applied_force_is_that_of_the_motor():
+    u, constant, coulomb = (
+        np.array([[99.0, 1.0, -2.0, 2.0]]),
+        float(PLANT.motor_constant),
+        float(PLANT.friction.Fc),
+    )
+    found = unmeasured_force(model(u, np.zeros((1, 4))), 0.1)
+    assert found.force == pytest.approx(0.1 * coulomb)
+    assert found.of_coulomb == 0.1
+    assert found.of_applied == pytest.approx(0.1 * coulomb / (constant * np.sqrt(3.0)))
+
+
+def test_under_an_imposed_motion_it_is_the_measured_force():
+    found = unmeasured_force(model(None, np.array([[99.0, 3.0, -3.0, 3.0]])), 0.2)
+    assert found.of_applied == pytest.approx(0.2 * float(PLANT.friction.Fc) / 3.0)
