@@ -11,7 +11,7 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 import pytest
 
-TYPED = ("core", "excitation")
+TYPED = ("core", "excitation", "recordings", "frequency", "physics")
 """Packages whose annotations, shapes included, are checked at every call with `--types`."""
 
 TOGETHER = [

@@ -92,7 +92,7 @@ def linear_forces(without: frozenset[str] = frozenset()) -> list[AbstractForceEf
     """The forms in the catalogue that are forces of the present motion, linear in their strengths and without other
     parameters; at zero strength. `without`: names of effects, or of forms, to leave out."""
     return [
-        form()
+        form()  # type: ignore[call-arg]
         for name, forms in catalogue().items()
         for form in forms
         if name not in without
@@ -100,7 +100,7 @@ def linear_forces(without: frozenset[str] = frozenset()) -> list[AbstractForceEf
         and issubclass(form, AbstractForceEffect)
         and not issubclass(form, AbstractStateEffect)
         and not form.nuisances
-        and _is_linear(form())
+        and _is_linear(form())  # type: ignore[call-arg]
     ]
 
 
