@@ -79,12 +79,12 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
     jumps = ()
     if turns:
         where = f"{table.place(int(rows[first + jump]))}, column `{shown(column)}`"
-        jumps = (f"x jumps by a full turn {turns} times, first at {where}: it was unwrapped.",)
+        jumps = (f"x jumps by a full turn {_times(turns)}, first at {where}: it was unwrapped.",)
     elif (stood := standing(used["x"])) is not None:
         where = f"{table.place(int(rows[first + stood.first]))}, column `{shown(column)}`"
         jumps = (
-            f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {stood.count} times, first "
-            f"at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
+            f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {_times(stood.count)}, "
+            f"first at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
         )
     x = np.ascontiguousarray(grid.follow(used["x"]))
     optional = {
@@ -115,6 +115,10 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
     for said in filter(None, (found.sampling_sentence(), *jumps)):
         warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
     return dataclasses.replace(recording, warnings=(*left_out, *jumps, *found.concerns()))
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray, " m"]:

@@ -165,6 +165,18 @@ def test_dates_are_seconds_since_the_first(tmp_path, zone):
     np.testing.assert_array_equal(case.recordings[0].x, X[:400])
 
 
+def test_a_date_that_there_is_not_is_named(tmp_path):
+    rows = [
+        f"2023-05-04 10:00:{0.001 * k:06.3f},{u:.6f},{x:.6f}"
+        for k, (u, x) in enumerate(zip(U, X, strict=True))
+    ]
+    rows[200] = rows[200].replace("2023-05", "2023-13")
+    with pytest.raises(
+        InputError, match=r"line 202, column `t`: \"2023-13-04 10:00:00.200\" is not a number"
+    ):
+        load(tmp_path, rows)
+
+
 def test_an_empty_cell_outside_the_interval_does_no_harm(tmp_path):
     rows = lines()
     rows[-1] = rows[-1].rsplit(",", 1)[0] + ","

@@ -112,7 +112,10 @@ class TextTable(AbstractTable):
         if NUMBER.fullmatch(field):
             return float(field)
         if STAMP.fullmatch(field):
-            time = datetime.fromisoformat(field)
+            try:
+                time = datetime.fromisoformat(field.upper())
+            except ValueError:  # the thirteenth month
+                raise self._not_a_number(field, line, self.names[column]) from None
             time = time.replace(tzinfo=time.tzinfo or UTC)
             return (time - origins.setdefault(column, time)).total_seconds()
         if not field:
