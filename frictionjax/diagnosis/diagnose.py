@@ -1,5 +1,6 @@
 """`diagnose`: from a case to a verdict; the table of contents of a diagnosis."""
 
+import functools
 import os
 import time
 from collections.abc import Sequence
@@ -133,9 +134,10 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
             without=left_out,
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
-            balanced=()
+            balanced=tuple
             if starting.imposed
-            else force_balance(
+            else functools.partial(
+                force_balance,
                 case.fit_recordings,
                 starting.start.drives,
                 inertia=plant.inertia,

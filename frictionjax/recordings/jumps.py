@@ -74,16 +74,10 @@ def standing(x: Float[np.ndarray, " n"]) -> Standing | None:
         if after.size < _STANDING or jump < least:
             continue
         # A machine that moves through: at one speed, in one direction, before and after.
-        slow = min(abs(float(np.mean(before))), abs(float(np.mean(after))))
         missed = (length + 1) * 0.5 * abs(float(np.mean(before)) + float(np.mean(after)))
         ahead = np.sign(np.mean(before)) == np.sign(np.mean(after)) == np.sign(steps[end])
         low, high = _CATCHING_UP
-        if (
-            ahead
-            and jump > 3.0 * slow
-            and low * missed < jump < high * missed
-            and missed < 4.0 * (length + 1) * slow
-        ):
+        if ahead and low * missed < jump < high * missed:
             found.append((end + 1, length))
     if not found:
         return None

@@ -1,7 +1,7 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -40,14 +40,15 @@ class Hints:
     - `gaps`: trials of a load behind a gap, one a form: it is searched where nothing explains most and stick lacks a
       part of the inertia, or where it is on the short list.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
-    - `balanced`: trials of forces that the force balance asks for, each with what it says (`force_balance`).
+    - `balanced`: gives the trials of forces that the force balance asks for, each with what it says (`force_balance`);
+      called only where refits are stuck.
     """
 
     pair: Pair | None = None
     absorbed: Sequence[Trial] = ()
     gaps: Sequence[Trial] = ()
     stick_inertia: float | None = None
-    balanced: Sequence[tuple[Trial, Balanced]] = ()
+    balanced: Callable[[], Sequence[tuple[Trial, Balanced]]] = tuple
 
 
 def refit_all(
@@ -115,7 +116,7 @@ def _from_other_starts(
         candidates = _foremost(candidates, start, budget.near)
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
-        balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced)
+        balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced())
         candidates = candidates + list(absorbed) + list(balanced)
     if stuck and min(one.fitted.misfit for one in candidates) > most:
         gaps = backlash_candidates(trials)

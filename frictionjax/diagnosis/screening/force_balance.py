@@ -70,7 +70,7 @@ def force_balance(
     best = min(range(len(trials)), key=lambda number: (not plain[number].credible, plain[number].unexplained))
     found = []
     for form in linear_forces(without):
-        for motions in (trials[best], trials[0]):
+        for motions in (trials[number] for number in dict.fromkeys((best, 0))):
             columns = [_forces(form, friction, motion) for motion in motions]
             # A constant force is the offset that stands beside all the others.
             shape = np.ptp(np.concatenate(columns), axis=0)

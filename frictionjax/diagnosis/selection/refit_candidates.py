@@ -1,6 +1,7 @@
 """Candidates: effects of the catalogue tested beside a model, and the best of them refitted."""
 
 import dataclasses
+from collections.abc import Callable
 from concurrent.futures import Executor
 
 import jax.numpy as jnp
@@ -36,8 +37,8 @@ class Candidates:
     **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `scales` (the
     plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
     or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
-    not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (forces that the force balance asks
-    for), `rule`, `effort`.
+    not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives the forces that the force
+    balance asks for), `rule`, `effort`.
     """
 
     executor: Executor
@@ -47,7 +48,7 @@ class Candidates:
     without: frozenset[str]
     barred: frozenset[str]
     stick_inertia: float | None
-    balanced: tuple[Balanced, ...]
+    balanced: Callable[[], tuple[Balanced, ...]]
     rule: Rule
     effort: Effort
 
@@ -66,17 +67,18 @@ class Candidates:
             absorbed_by_base(open_to, effort=self.effort),
             backlash_candidates(open_to),
             self.stick_inertia,
-            [
-                (next(trial for trial in open_to if type(trial.form) is type(one.effect)), one)
-                for one in self.balanced
-                if any(type(trial.form) is type(one.effect) for trial in open_to)
-            ],
+            lambda: self._asked_for(open_to),
         )
         refits = refit_all(
             chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
         )
         model = better_base(model, refits, effort=self.effort)
         return model, [trial for some in tried for trial in some], self._polished(model, refits)
+
+    def _asked_for(self, trials: list[Trial]) -> list[tuple[Trial, Balanced]]:
+        """Those of the `trials` that the force balance asks for, each with what it says."""
+        of_form = {type(trial.form): trial for trial in trials}
+        return [(of_form[type(one.effect)], one) for one in self.balanced() if type(one.effect) in of_form]
 
     def related(self, model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
         """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`."""

@@ -1,6 +1,7 @@
 """Select: stepwise selection of effects, each accepted only if fit and held-out recordings agree."""
 
 import dataclasses
+from collections.abc import Callable
 from concurrent.futures import Executor
 
 import numpy as np
@@ -42,7 +43,7 @@ def select(
     without: frozenset[str] = frozenset(),
     barred: frozenset[str] = frozenset(),
     stick_inertia: float | None = None,
-    balanced: tuple[Balanced, ...] = (),
+    balanced: Callable[[], tuple[Balanced, ...]] = tuple,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> Selection:
@@ -56,7 +57,7 @@ def select(
     - `without`: names of effects, or of forms, to leave out of the catalogue.
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
-    - `balanced`: forces that the force balance asks for.
+    - `balanced`: gives the forces that the force balance asks for; called only where refits are stuck.
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
     """
