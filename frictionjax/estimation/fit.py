@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
@@ -24,7 +23,7 @@ from frictionjax.estimation.evidence import AbstractEvidence, make_forces, make_
 from frictionjax.estimation.objective.loss import AbstractLoss, Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
-from frictionjax.estimation.parameters import pack, part_of, weak_prior
+from frictionjax.estimation.parameters import changed, pack, part_of, weak_prior
 from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.driven import starting_values
@@ -168,7 +167,7 @@ def _batch_of(observations: tuple[Observation, ...], encoder_step: float | None)
         for row, one in enumerate(observations):
             if getattr(one, name) is not None:
                 values[row] = getattr(one, name)
-        batch = eqx.tree_at(lambda b, name=name: getattr(b, name), batch, jnp.asarray(values))
+        batch = eqx.tree_at(lambda b, name=name: getattr(b, name), batch, values)
     return batch
 
 
@@ -198,23 +197,23 @@ def _posterior(
         evidence.append(response)
         weights.append(np.full(response.count.shape[0], one.weight))
     rows = sum(one.rows for one in evidence)
-    start = jnp.concatenate([pack(constraints.layout, drive), jnp.zeros(rows)])
+    start = np.concatenate([pack(constraints.layout, drive), np.zeros(rows)])
     return Posterior(
         constraints,
         drive,
         start,
         weak_prior(constraints.layout, rows),
         tuple(evidence),
-        tuple(jnp.asarray(weight, dtype=float) for weight in weights),
+        tuple(np.asarray(weight, dtype=float) for weight in weights),
         loss,
-        tuple(jnp.ones(max(one.rows, 1)) for one in evidence),
+        tuple(np.ones(max(one.rows, 1)) for one in evidence),
         (None,) * len(evidence),
     )
 
 
 def _vector(posterior: Posterior, drive: Drive) -> Float[Array, " q"]:
     count = posterior.parameters
-    return posterior.start.at[:count].set(pack(posterior.constraints.layout, drive))
+    return changed(posterior.start, slice(count), pack(posterior.constraints.layout, drive))
 
 
 def _own(template: Drive, pieces: Sorted, constraints: Constraints) -> tuple[list[Drive], tuple[str, ...]]:
@@ -260,7 +259,7 @@ def _best(
     progress: Progress,
 ) -> Refined:
     """The best minimum: from the most promising start, and from the next ones where that one looks wrong."""
-    stacked = jnp.stack(vectors)
+    stacked = np.stack(vectors)
     costs = np.concatenate([robust_costs(_about(posterior, vector), vector[None]) for vector in vectors])
     if not np.any(np.isfinite(costs)):
         raise ValueError(
@@ -272,7 +271,7 @@ def _best(
     if starts:
         moved = _random(posterior, vectors[order[0]], starts, jax.random.key(0) if key is None else key)
         reached, finals = settle(
-            _about(posterior, vectors[order[0]]), jnp.concatenate([stacked[np.array(order)], moved])
+            _about(posterior, vectors[order[0]]), np.concatenate([stacked[np.array(order)], moved])
         )
         chosen = [reached[i][None] for i in np.argsort(finals) if np.isfinite(finals[i])]
     else:
@@ -305,9 +304,10 @@ def _random(
 ) -> Float[Array, "k q"]:
     count = posterior.parameters
     logs = np.array([one.parameter.transform == "log" for one in posterior.constraints.layout])
-    away = np.log(_SPREAD) * jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0)
-    away = away * jnp.asarray(logs, dtype=float)[None]
-    return jnp.tile(vector, (starts, 1)).at[:, :count].add(away)
+    away = np.log(_SPREAD) * np.asarray(jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0))
+    moved = np.tile(vector, (starts, 1))
+    moved[:, :count] += away * logs
+    return moved
 
 
 def _require_positive(drive: Drive) -> None:

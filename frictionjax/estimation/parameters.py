@@ -6,16 +6,15 @@ the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of 
 
 import math
 from collections.abc import Sequence
-from types import ModuleType
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
+from frictionjax.core.arrays import numpy_or_jax
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
@@ -69,15 +68,6 @@ class Free(eqx.Module):
             low = xp.maximum(start - reach, math.log(lower) if lower > 0.0 else -jnp.inf)
             return low, xp.minimum(start + reach, xp.log(upper))
         return lower / self.scale + none, upper / self.scale + none
-
-
-def numpy_or_jax(*trees: PyTree) -> ModuleType:
-    """NumPy where the numbers in `trees` are known, else JAX.
-
-    Outside of a transformation JAX compiles each operation by itself, and there are many where numbers are packed one
-    by one.
-    """
-    return jnp if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees)) else np
 
 
 _INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
@@ -149,7 +139,7 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
                 low, high = free.range(coordinate)
                 coordinate = xp.clip(coordinate, low + INSIDE, high - INSIDE)
             values.append(coordinate)
-    return jnp.asarray(xp.stack(values)) if values else jnp.zeros(0)
+    return xp.stack(values) if values else xp.zeros(0)
 
 
 def unpack(
@@ -195,7 +185,7 @@ def changed(
     """A copy of `vector` with these `values` at `where`; by NumPy, for which no shape is compiled."""
     new = np.array(vector)
     new[where] = values
-    return jnp.asarray(new)
+    return new
 
 
 def physical(
@@ -245,4 +235,4 @@ def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Array, " q"]:
     """Inverse standard deviations of the weak prior for the parameters of `layout` and the starting deflections of
     so many `recordings`, shape `(q,)`."""
     deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]
-    return jnp.asarray(1.0 / np.asarray(deviation + [_PRIOR_DEFLECTION] * recordings))
+    return 1.0 / np.asarray(deviation + [_PRIOR_DEFLECTION] * recordings)

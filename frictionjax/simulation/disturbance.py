@@ -1,6 +1,5 @@
 """Residual force: the force missing from a model, estimated from the position by a disturbance observer."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -8,7 +7,8 @@ from jaxtyping import Array, Float, Int
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.observer import Gains, corrected
-from frictionjax.simulation.ros2 import advance
+from frictionjax.simulation.ros2 import Substeps, advance
+from frictionjax.simulation.samples import scan_samples
 
 
 def residual_force(
@@ -19,8 +19,9 @@ def residual_force(
     bandwidth: float | Float[Array, ""],
     start: Start,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
     measured: Int[Array, ""] | int | None = None,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, " n"]:
     """Force that `drive` lacks at each instant, shape `(n,)`, force units: J x'' = km u - F + residual force.
 
@@ -38,6 +39,7 @@ def residual_force(
     - `start`: position, velocity and bristle deflection at the first sample.
     - `substeps`: integration steps per sample.
     - `measured`: number of measured samples, where `x` is padded behind them; None: all.
+    - `samples`: as in `scan_samples`.
     """
     bristles = drive.bristles()
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
@@ -53,7 +55,8 @@ def residual_force(
         return (advance(drive, bristles, state, push + drive.J * missing, dt, substeps), missing), missing
 
     first = (state_at(drive, start), jnp.zeros_like(dt))
-    missing = jax.lax.scan(sample, first, (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
+    missing = scan_samples(sample, first, (force, x, t), samples)
     lag = jnp.round(3.0 * pole / (1.0 - pole)).astype(int)
     end = x.shape[0] if measured is None else measured
     later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, end - 1)

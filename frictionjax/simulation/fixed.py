@@ -7,13 +7,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Real
+from jaxtyping import Array, ArrayLike, Float, Int, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import Before
-from frictionjax.simulation.ros2 import State, advance
+from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.samples import scan_samples
 
 
 class Trajectory(eqx.Module):
@@ -64,6 +65,38 @@ def state_at(drive: Drive, start: Start) -> State:
 _MOST_STEPS = 256
 
 
+def run_free(
+    drive: Drive,
+    u: Float[Array, " n"],
+    dt: Float[Array, ""],
+    start: Start,
+    substeps: Substeps,
+    samples: Int[Array, ""] | None = None,
+) -> Trajectory:
+    """Free run of `drive`, for use inside compiled functions.
+
+    **Arguments:** `u`: input, shape `(n,)`; `dt`: s per sample; `start`: state at the first sample; `substeps`: steps
+    per sample; `samples`: as in `scan_samples`.
+    """
+    bristles = drive.bristles()
+
+    def sample(state, force):
+        return advance(drive, bristles, state, force, dt, substeps), state
+
+    def friction_of(state, push):
+        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
+
+    push = drive.applied_force(u, dt)
+    run = scan_samples(sample, state_at(drive, start), push, samples)
+    # After the run, vectorised over the samples: inside the loop it would take longer.
+    friction = jax.vmap(friction_of)(run, mean_of(push))
+    t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
+    measured = jax.vmap(drive.measured)(run.x, t, run.hidden)
+    return Trajectory(
+        t, run.x, run.v, run.z, friction, measured, substeps if isinstance(substeps, int) else None
+    )
+
+
 @eqx.filter_jit
 def _simulate(
     drive: Drive,
@@ -75,21 +108,8 @@ def _simulate(
     substeps: int,
     before: Before | None = None,
 ) -> Trajectory:
-    bristles = drive.bristles()
-
-    def sample(state, force):
-        return advance(drive, bristles, state, force, dt, substeps), state
-
-    def friction_of(state, push):
-        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
-
-    push = drive.applied_force(u, dt)
-    _, run = jax.lax.scan(sample, initial_state(drive, x0, v0, z0, before), push)
-    # After the run, vectorised over the samples: inside the loop it would take longer.
-    friction = jax.vmap(friction_of)(run, mean_of(push))
-    t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
-    measured = jax.vmap(drive.measured)(run.x, t, run.hidden)
-    return Trajectory(t, run.x, run.v, run.z, friction, measured, substeps)
+    start = (x0, v0, z0) if before is None else (x0, v0, z0, before)
+    return run_free(drive, u, dt, start, substeps)
 
 
 def simulate(

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Real
+from jaxtyping import Array, ArrayLike, Float, Int, Real
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.safe import real, sign
@@ -36,6 +36,7 @@ from frictionjax.physics.effects.base import (
 )
 from frictionjax.simulation.fixed import Trajectory
 from frictionjax.simulation.load_side import relaxed
+from frictionjax.simulation.samples import scan_samples
 
 _REST = 1e-30  # a velocity that counts as rest and has a direction
 _BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
@@ -191,12 +192,15 @@ def run_imposed(
     v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
+    samples: Int[Array, ""] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
     """Velocity, deflections and friction force of `drive` at every sample of an imposed motion, for use inside compiled
     functions. Arguments as in `imposed_friction`."""
     x, dt, z0, v = real(x), real(dt), real(z0), None if v is None else real(v)
     bristles = drive.bristles()
-    before, after = _velocities(x, v, dt)
+    # One sample more, at the last velocity, so that a step begins at every sample.
+    further = jnp.append(x, 2.0 * x[-1] - x[-2])
+    before, after = _velocities(further, None if v is None else jnp.append(v, v[-1]), dt)
 
     def levelled(step: _Step, ends):
         """`step` with the levels at both of its `ends`: bristle and states of effects."""
@@ -235,8 +239,10 @@ def run_imposed(
 
     hidden0 = drive.initial_states(Before() if earlier is None else earlier)[: drive.state_count]
     first = (z0 * jnp.ones(drive.bristle_count), hidden0)
-    last, run = jax.lax.scan(advance, first, _steps(drive, x, after[:-1], before[1:], dt, substeps))
-    run = jax.tree.map(lambda part, end: jnp.concatenate([part[:: 2 * substeps], end[None]]), run, last)
+    steps = _steps(drive, further, after[:-1], before[1:], dt, substeps)
+    run = scan_samples(advance, first, steps, None if samples is None else 2 * substeps * samples)
+    run = jax.tree.map(lambda part: part[:: 2 * substeps], run)
+    before, after = before[:-1], after[:-1]
 
     def force(x, v, z, hidden):
         return drive.friction_force(bristles, x, v, z, dt, hidden)[0]
@@ -255,17 +261,19 @@ def imposed_friction(
     v: Real[ArrayLike, " n"] | None = None,
     substeps: int = 1,
     earlier: Before | None = None,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, " n"]:
     """Friction force of `drive` at the samples of an imposed motion, for use inside compiled functions.
 
     One scan of fixed length: differentiable by the parameters and by `z0`, and works under vmap. Nothing is checked.
 
     **Arguments:** `drive`, `x` (shape `(n,)`, n at least 2), `z0`, `v` and `substeps` as in `simulate_imposed`; `dt`: s
-    per sample; `earlier`: history before the first sample, None: power-on and a rest of 1 s.
+    per sample; `earlier`: history before the first sample, None: power-on and a rest of 1 s; `samples` as in
+    `scan_samples`.
 
     **Returns:** The opposing force, shape `(n,)`, force units.
     """
-    return run_imposed(drive, x, dt, z0, v=v, substeps=substeps, earlier=earlier)[2]
+    return run_imposed(drive, x, dt, z0, v=v, substeps=substeps, earlier=earlier, samples=samples)[2]
 
 
 @eqx.filter_jit

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import sign
@@ -37,7 +37,8 @@ from frictionjax.physics.effects import (
 from frictionjax.simulation.lanes import Starts, rows_along, start_rows, tiled
 from frictionjax.simulation.load_side import contact, relaxed
 from frictionjax.simulation.observer import Gains, innovation_step
-from frictionjax.simulation.ros2 import State
+from frictionjax.simulation.ros2 import State, Substeps
+from frictionjax.simulation.samples import scan_samples
 
 
 class Injection(
@@ -184,6 +185,7 @@ def signals_along(
     known: Along,
     dt: Float[Array, ""],
     before: Before,
+    samples: Int[Array, ""] | None = None,
 ) -> Signals:
     """The terms that `effect`, at any strength, would add to a model's equations along a known motion.
 
@@ -194,6 +196,7 @@ def signals_along(
     - `known`: from `along`.
     - `dt`: s per sample.
     - `before`: history before the first sample.
+    - `samples`: as in `scan_samples`.
     """
     n, found = known.u.shape[0], {}
     if isinstance(effect, AbstractInputEffect):
@@ -254,7 +257,7 @@ def signals_along(
     carry = (first, jnp.zeros(count), jnp.zeros(2))
     if states or count or isinstance(effect, AbstractLoadEffect):
         after = jax.tree.map(lambda signal: jnp.append(signal[1:], signal[-1]), known)
-        _, (parts, hidden) = jax.lax.scan(sample, carry, (known, after))
+        parts, hidden = scan_samples(sample, carry, (known, after), samples)
     else:
         # Without memory the samples are independent.
         parts, hidden = jax.vmap(lambda here: sample(carry, (here, here))[1])(known)
@@ -273,7 +276,8 @@ def injected_innovations(
     gains: Gains,
     start: Starts,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, "k r n"]:
     """Innovations of the observer with effects' `signals` in the equations of `k` drives, in each of `r` recordings.
 
@@ -297,5 +301,5 @@ def injected_innovations(
 
     t = jnp.arange(x.shape[1], dtype=x.dtype)[None] * dt[:, None]
     times, every = tiled((dt, gains), count)
-    found = rows_along(step, count, (rows, places, times, every), begin, (force, x, t), slots)
+    found = rows_along(step, count, (rows, places, times, every), begin, (force, x, t), slots, samples)
     return found.reshape(count, recordings, -1)

@@ -13,11 +13,12 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.ros2 import State, advance
+from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.samples import scan_samples
 
 _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
 
@@ -49,7 +50,7 @@ def _measured(drive: Drive, flat: Float[Array, " m"], t: Float[Array, ""]) -> Fl
 
 
 def _flat_step(
-    drive: Drive, dt: Float[Array, ""], substeps: int
+    drive: Drive, dt: Float[Array, ""], substeps: Substeps
 ) -> Callable[[Float[Array, " m"], Float[Array, ""] | Push], Float[Array, " m"]]:
     """One sample of the `drive` on flat states: (state, force) -> state."""
     bristles, count = drive.bristles(), drive.bristle_count
@@ -71,7 +72,8 @@ def kalman_filter(
     start: Start,
     start_std: tuple[Float[Array, ""], Float[Array, ""]],
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Filtered:
     """Run the filter along one recording; for use inside compiled functions.
 
@@ -86,6 +88,7 @@ def kalman_filter(
     - `start`: position, velocity and bristle deflection at the first sample; `start_std`: the standard deviations of
         the first two.
     - `substeps`: integration steps per sample.
+    - `samples`: as in `scan_samples`.
     """
     step = _flat_step(drive, dt, substeps)
     first = _flat(state_at(drive, start))
@@ -130,9 +133,8 @@ def kalman_filter(
         covariance = jnp.where(jnp.abs(covariance) > _NEGLIGIBLE, covariance, 0.0)
         return (state, covariance), (gain, variance, innovation)
 
-    return Filtered(
-        *jax.lax.scan(sample, (first, covariance), (force, x, jnp.arange(x.shape[0], dtype=x.dtype) * dt))[1]
-    )
+    t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
+    return Filtered(*scan_samples(sample, (first, covariance), (force, x, t), samples))
 
 
 def _along(
@@ -142,7 +144,8 @@ def _along(
     dt: Float[Array, ""],
     gain: Float[Array, "n m"],
     start: Start,
-    substeps: int,
+    substeps: Substeps,
+    samples: Int[Array, ""] | None,
     correct: Callable[[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]],
 ) -> Float[Array, " n"]:
     """Run with given gains; `correct(predicted position, given)` is (innovation, output): the outputs, shape `(n,)`."""
@@ -154,7 +157,7 @@ def _along(
         return step(state + weight * innovation, motor), output
 
     t = jnp.arange(given.shape[0], dtype=given.dtype) * dt
-    return jax.lax.scan(sample, _flat(state_at(drive, start)), (force, given, gain, t))[1]
+    return scan_samples(sample, _flat(state_at(drive, start)), (force, given, gain, t), samples)
 
 
 def predicted_with(
@@ -165,14 +168,23 @@ def predicted_with(
     gain: Float[Array, "n m"],
     start: Start,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, " n"]:
     """Innovations x - x_predicted along one recording for given gains, position units, shape `(n,)`.
 
     **Arguments:** `gain` as in `Filtered`, shape `(n, m)`; the others as in `kalman_filter`.
     """
     return _along(
-        drive, force, x, dt, gain, start, substeps, lambda predicted, own: (own - predicted, own - predicted)
+        drive,
+        force,
+        x,
+        dt,
+        gain,
+        start,
+        substeps,
+        samples,
+        lambda predicted, own: (own - predicted, own - predicted),
     )
 
 
@@ -184,12 +196,21 @@ def driven_by(
     gain: Float[Array, "n m"],
     start: Start,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, " n"]:
     """Positions for which `predicted_with` returns these innovations, position units, shape `(n,)`: its inverse.
 
     **Arguments:** `innovation`: position units, shape `(n,)`; the others as in `predicted_with`.
     """
     return _along(
-        drive, force, innovation, dt, gain, start, substeps, lambda predicted, own: (own, predicted + own)
+        drive,
+        force,
+        innovation,
+        dt,
+        gain,
+        start,
+        substeps,
+        samples,
+        lambda predicted, own: (own, predicted + own),
     )

@@ -9,13 +9,14 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.simulation.fixed import state_at
 from frictionjax.simulation.observer import Gains, innovation_step
-from frictionjax.simulation.ros2 import State
+from frictionjax.simulation.ros2 import State, Substeps
+from frictionjax.simulation.samples import scan_samples
 
 Starts = (
     tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, "k r"]]
@@ -35,7 +36,13 @@ def repeated(tree: PyTree, count: int) -> PyTree:
 
 
 def rows_along(
-    step: Callable, count: int, fixed: PyTree, begin: PyTree, shared: PyTree, own: PyTree
+    step: Callable,
+    count: int,
+    fixed: PyTree,
+    begin: PyTree,
+    shared: PyTree,
+    own: PyTree,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, "kr n"]:
     """Scan `step` along the samples of `count` times `r` rows; for use inside compiled functions.
 
@@ -45,13 +52,14 @@ def rows_along(
     - `count`: how often the rows of `shared` are repeated.
     - `fixed`, `begin`: constants and first state, arrays of shape `(count r, ...)`.
     - `shared`, `own`: inputs, arrays of shape `(r, n)`, and of shape `(count r, n)`.
+    - `samples`: as in `scan_samples`.
     """
 
     def sample(state, inputs):
         here, mine = inputs
         return jax.vmap(step)(fixed, state, tiled(here, count), mine)
 
-    return jax.lax.scan(sample, begin, jax.tree.map(jnp.transpose, (shared, own)))[1].T
+    return scan_samples(sample, begin, jax.tree.map(jnp.transpose, (shared, own)), samples).T
 
 
 def start_rows(drives: Drive, z0: Float[Array, "k r"], start: Starts) -> tuple[Drive, State]:
@@ -75,7 +83,8 @@ def innovations_side_by_side(
     gains: Gains,
     start: Starts,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, "k r n"]:
     """The `innovations` of each of `k` drives in each of `r` recordings; for use inside compiled functions.
 
@@ -88,6 +97,7 @@ def innovations_side_by_side(
     - `start`: position and velocity at the first sample, shape `(r,)`, the bristle's deflection there, shape `(k, r)`,
         and the history before (leaves of leading size `r`).
     - `substeps`: integration steps per sample.
+    - `samples`: as in `scan_samples`.
     """
     z0 = start[2]
     count, recordings = z0.shape
@@ -100,5 +110,5 @@ def innovations_side_by_side(
         return innovation_step(drive, dt, gains, substeps)(state, (push, *shared))
 
     t = jnp.arange(x.shape[1], dtype=x.dtype)[None] * dt[:, None]
-    found = rows_along(step, count, (rows, times, every), begin, (x, t), force)
+    found = rows_along(step, count, (rows, times, every), begin, (x, t), force, samples)
     return found.reshape(count, recordings, -1)

@@ -6,16 +6,17 @@ noise (`innovation_gain`), so that the innovation of a complete model has a know
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from frictionjax.core.arrays import Numbers, known
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.ros2 import State, advance
+from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.samples import scan_samples
 
 Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""]]
 """Motor force, measured position and time of a sample."""
@@ -27,27 +28,27 @@ class Gains(eqx.Module):
     **Attributes:** `position` l1 = 1 - p^2 (1), `velocity` l2 = (1 - p)^2/dt (1/s). Scalars, or one per lane.
     """
 
-    position: Float[Array, "..."]
-    velocity: Float[Array, "..."]
+    position: Float[Numbers, "..."]
+    velocity: Float[Numbers, "..."]
 
 
-@partial(jax.jit, inline=True)
-def observer_gains(bandwidth: float | Float[Array, "..."], dt: float | Float[Array, "..."]) -> Gains:
+def observer_gains(bandwidth: float | Float[Numbers, "..."], dt: float | Float[Numbers, "..."]) -> Gains:
     """Gains for an observer of `bandwidth` Hz on samples of `dt` s."""
-    pole = jnp.exp(-2.0 * jnp.pi * jnp.asarray(bandwidth) * jnp.asarray(dt))
-    return Gains(1.0 - pole**2, (1.0 - pole) ** 2 / dt)
+    xp, (bandwidth, dt) = known(bandwidth, dt)
+    pole = xp.exp(-2.0 * xp.pi * xp.asarray(bandwidth) * xp.asarray(dt))
+    return Gains(xp.asarray(1.0 - pole**2), xp.asarray((1.0 - pole) ** 2 / dt))
 
 
-@partial(jax.jit, inline=True)
-def innovation_gain(gains: Gains) -> Float[Array, "..."]:
+def innovation_gain(gains: Gains) -> Float[Numbers, "..."]:
     """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
 
     The norm of (1 - q)^2 / (1 - p q)^2, from noise to innovation with q the unit delay: sqrt(2 (3 + p) / (1 + p)^3).
 
     **Arguments:** `gains`, from `observer_gains`, of any shape; the gain has the same shape.
     """
-    pole = jnp.sqrt(1.0 - gains.position)
-    return jnp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3)
+    xp, (position,) = known(gains.position)
+    pole = xp.sqrt(1.0 - position)
+    return xp.asarray(xp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3))
 
 
 class Observed(eqx.Module):
@@ -132,7 +133,8 @@ def observe(
     gains: Gains,
     start: Start,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Observed:
     """Run the observer along one recording.
 
@@ -145,6 +147,7 @@ def observe(
     - `gains`: from `observer_gains`.
     - `start`: position, velocity and bristle deflection at the first sample.
     - `substeps`: integration steps per sample.
+    - `samples`: as in `scan_samples`.
 
     **Returns:**
 
@@ -160,7 +163,7 @@ def observe(
         return following, (innovation, state.x, state.v, state.z, state.hidden)
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return Observed(*jax.lax.scan(sample, state_at(drive, start), (force, x, t))[1])
+    return Observed(*scan_samples(sample, state_at(drive, start), (force, x, t), samples))
 
 
 def innovations(
@@ -171,19 +174,20 @@ def innovations(
     gains: Gains,
     start: Start,
     *,
-    substeps: int = 1,
+    substeps: Substeps = 1,
+    samples: Int[Array, ""] | None = None,
 ) -> Float[Array, " n"]:
     """The innovations of `observe` alone, shape `(n,)`, as fits and tests use them.
 
-    **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps` as in `observe`.
+    **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps`, `samples` as in `observe`.
     """
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     step = innovation_step(drive, dt, gains, substeps)
-    return jax.lax.scan(step, state_at(drive, start), (force, x, t))[1]
+    return scan_samples(step, state_at(drive, start), (force, x, t), samples)
 
 
 def innovation_step(
-    drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: int
+    drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: Substeps
 ) -> Callable[[State, Sample], tuple[State, Float[Array, ""]]]:
     """One sample of `innovations`: (state, (force, measured position, time)) -> (state, innovation)."""
     bristles = drive.bristles()

@@ -7,14 +7,14 @@ In between is the error after a stated time, from a state that the measurement h
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Real
+from jaxtyping import Array, ArrayLike, Float, Int, Real
 
 from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
-from frictionjax.simulation.ros2 import advance
+from frictionjax.simulation.ros2 import State, Substeps, advance
 
 # Free runs in a batch: enough to fill the vector units, few enough to fit the cache.
 _BATCH = 1024
@@ -36,28 +36,47 @@ def run_ahead(
     runs = -(-(n - horizon) // stride)
     if runs <= 0:
         return observed.x
-    bristles = drive.bristles()
     begin = jnp.arange(runs) * stride
     first = jax.tree.map(lambda leaf: leaf[begin], corrected_states(drive, observed, gains))
-    # The last run may extend beyond the recording: its prediction there is cut off below.
-    padded = jax.tree.map(lambda leaf: jnp.concatenate([leaf, jnp.zeros(stride)]), force)
 
-    def free_run(state, begin):
-        def sample(state, inputs):
-            push, t = inputs
-            return advance(drive, bristles, state, push, dt, substeps), drive.measured(
-                state.x, t, state.hidden
-            )
+    def one(run: tuple[State, Int[Array, ""]]) -> Float[Array, " stride"]:
+        return free_run(drive, force, *run, dt, horizon, stride, room=stride, substeps=substeps)
 
-        push = jax.tree.map(
-            lambda leaf: jax.lax.dynamic_slice(leaf, (begin,), (horizon + stride - 1,)), padded
-        )
-        t = jnp.asarray(begin + jnp.arange(horizon + stride), dtype=dt.dtype) * dt
-        state, passed = jax.lax.scan(sample, state, (push, t[:-1]))
-        return jnp.concatenate([passed[horizon:], drive.measured(state.x, t[-1], state.hidden)[None]])
-
-    ahead = jax.lax.map(lambda run: free_run(*run), (first, begin), batch_size=min(_BATCH, runs))
+    ahead = jax.lax.map(one, (first, begin), batch_size=min(_BATCH, runs))
     return jnp.concatenate([observed.x[:horizon], ahead.reshape(-1)[: n - horizon]])
+
+
+def free_run(
+    drive: Drive,
+    force: Float[Array, " n"] | Push,
+    state: State,
+    begin: Int[Array, ""],
+    dt: Float[Array, ""],
+    horizon: int | Int[Array, ""],
+    stride: int | Int[Array, ""],
+    *,
+    room: int,
+    substeps: Substeps = 1,
+) -> Float[Array, " room"]:
+    """Output of the sensor `horizon`, horizon + 1, ... horizon + `stride` - 1 samples after sample number `begin`, from
+    the `state` there, in the first places of an array of shape `(room,)`; for use inside compiled functions.
+
+    **Arguments:** `drive`, `force` (shape `(n,)`; the last is held beyond the recording), `dt`, `substeps` as in
+    `predict_ahead`; `horizon` and `stride` may be numbers of the case.
+    """
+    bristles, last = drive.bristles(), mean_of(force).shape[0] - 1
+
+    def sample(
+        number: Int[Array, ""], carry: tuple[State, Float[Array, " room"]]
+    ) -> tuple[State, Float[Array, " room"]]:
+        state, passed = carry
+        place = begin + number
+        now = drive.measured(state.x, jnp.asarray(place, dtype=dt.dtype) * dt, state.hidden)
+        passed = jax.lax.dynamic_update_slice(passed, now[None], (jnp.maximum(number - horizon, 0),))
+        push = jax.tree.map(lambda leaf: leaf[jnp.minimum(place, last)], force)
+        return advance(drive, bristles, state, push, dt, substeps), passed
+
+    return jax.lax.fori_loop(0, horizon + stride, sample, (state, jnp.zeros(room)))[1]
 
 
 @eqx.filter_jit

@@ -12,7 +12,7 @@ A: they must be slow against the step, k h^2/J below 4.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Bristles, Drive, Push, mean_of
 from frictionjax.simulation.load_side import contact, relaxed
@@ -23,6 +23,10 @@ _GAMMA = 1.0 - 0.5**0.5
 _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 # A bristle never deflects beyond G/sigma0; an accurate step stays below this multiple of it.
 _BENT = 2.5
+
+
+Substeps = int | Int[Array, ""]
+"""Number of integration steps a sample: of the program, or a number of the case, without a reverse-mode derivative."""
 
 
 class State(eqx.Module):
@@ -229,20 +233,21 @@ def advance(
     state: State,
     force: Float[Array, ""] | Push,
     dt: Float[Array, ""],
-    substeps: int,
+    substeps: Substeps,
     *,
     exact_derivative: bool = True,
 ) -> State:
     """Advance by one sample of `dt` s in `substeps` equal steps under the `force` of the sample; see `ros2_step`."""
-    if substeps == 1:
+    if isinstance(substeps, int) and substeps == 1:
         return ros2_step(drive, bristles, state, force, dt, exact_derivative=exact_derivative)
-    h = dt / substeps
+    parts = substeps if isinstance(substeps, int) else substeps.astype(dt.dtype)
+    h = dt / parts
 
     def part(number, now):
         push = force
         if isinstance(force, Push):
-            middle = (number + 0.5) / substeps - 0.5
-            push = Push(force.mean + middle * force.rise, force.rise / substeps)
+            middle = (number + 0.5) / parts - 0.5
+            push = Push(force.mean + middle * force.rise, force.rise / parts)
         return ros2_step(drive, bristles, now, push, h, exact_derivative=exact_derivative)
 
     return jax.lax.fori_loop(0, substeps, part, state)

@@ -103,7 +103,7 @@ def test_without_a_force_none_is_found():
 def test_noise_that_was_thought_twice_as_large_is_mended(shaken):
     """Motion near the frequency of sampling passes for noise; a model that leaves less shows that there is less."""
     posterior = eqx.tree_at(
-        lambda j: j.evidence[0].batch.noise, shaken[0], shaken[0].batch.noise.at[0].multiply(2.0)
+        lambda j: j.evidence[0].batch.noise, shaken[0], jnp.asarray(shaken[0].batch.noise).at[0].multiply(2.0)
     )
     answer = answer_to_force(*shaken[:2])
     clean = quietness(shaken[2], answer, shaken[0])

@@ -55,7 +55,7 @@ def test_an_effect_is_simulated_as_it_is():
     posterior, vector = robust_posterior(ROTARY, batch, np.zeros(4, dtype=bool))
     added, start = extend(posterior, vector, effect("MaxwellSlip", spread=1.2), plant_scales(ROTARY, batch))
     place = [free.label for free in added.layout].index("share")
-    errors = errors_with_effect([added, added], [start, start.at[place].add(0.5)])
+    errors = errors_with_effect([added, added], [start, jnp.asarray(start).at[place].add(0.5)])
     np.testing.assert_allclose(errors[0], posterior.errors_at([vector])[0], atol=1e-6)
     power = jnp.mean(errors**2, axis=(1, 2))
     assert float(power[1]) == pytest.approx(1.0, abs=0.1)

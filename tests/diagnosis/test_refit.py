@@ -36,7 +36,7 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
     posterior, vector = robust_posterior(PLANT, batch, np.array([False]), known_inertia=known)
     posterior, vector = extend(posterior, vector, effect("Backlash"), plant_scales(PLANT, batch))
     place = next(i for i, free in enumerate(posterior.layout) if free.parameter.name == "ratio")
-    hung = uncoupled(posterior, vector.at[place].set(0.3 / posterior.layout[place].scale))
+    hung = uncoupled(posterior, jnp.asarray(vector).at[place].set(0.3 / posterior.layout[place].scale))
     drive = posterior.drive_of(hung)
     side = drive.load_side
     assert side is not None and float(side.ratio) == pytest.approx(0.3, rel=1e-12)
@@ -114,7 +114,7 @@ def test_the_valley_undoes_what_a_step_does(driven):
     posterior, base = extend(present.posterior, present.vector, trial.form, scales)
     place = next(i for i, free in enumerate(posterior.layout) if free.parameter.name == "growth")
     plain, stepped, undone = posterior.errors_at(
-        [base, base.at[place].set(trial.valley[place]), trial.valley]
+        [base, jnp.asarray(base).at[place].set(trial.valley[place]), trial.valley]
     )
     shown, left = (float(jnp.mean((errors - plain) ** 2)) for errors in (stepped, undone))
     assert trial.absorbed > 0.999

@@ -56,9 +56,13 @@ def _at(posterior, vector, numbers):
     for index, free in enumerate(posterior.layout):
         if free.parameter.name in numbers and free.path.startswith("effects."):
             value = numbers[free.parameter.name]
-            vector = vector.at[index].set(np.log(value) if free.parameter.transform == "log" else value)
+            vector = (
+                jnp.asarray(vector)
+                .at[index]
+                .set(np.log(value) if free.parameter.transform == "log" else value)
+            )
         elif free.path == "friction.sigma2":
-            vector = vector.at[index].add(np.log(1.0 - 0.5 * TRUE["ratio"]))
+            vector = jnp.asarray(vector).at[index].add(np.log(1.0 - 0.5 * TRUE["ratio"]))
     return vector
 
 
@@ -78,7 +82,7 @@ def test_what_stick_lacks_of_the_inertia_is_the_load(behind_a_gap):
     assert load_ratio(posterior, vector, 0.98 * inertia) is None
     assert load_ratio(posterior, vector, 0.05 * inertia) is None
     # A fit that ended as light as the machine is in stick tells, too.
-    light = vector.at[0].add(np.log(0.6))
+    light = jnp.asarray(vector).at[0].add(np.log(0.6))
     assert posterior.layout[0].path == "J"
     assert load_ratio(posterior, light, None) == pytest.approx(0.4)
 

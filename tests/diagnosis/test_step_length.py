@@ -62,7 +62,8 @@ def test_steps_of_a_batch_are_those_of_its_innovations(quiet):
     finer = with_steps(posterior, 2)
     assert finer.batch.substeps == 2
     count = len(posterior.layout)
-    expected = posterior.recordings.standardised(posterior.drive_of(vector), vector[count:], finer=2)
+    twice = posterior.recordings.with_substeps(2 * posterior.batch.substeps)
+    expected = twice.standardised(posterior.drive_of(vector), vector[count:])
     np.testing.assert_allclose(finer.errors_at([vector])[0], expected, rtol=1e-6, atol=1e-6)
     # An effect of no strength, injected, changes nothing at either.
     for own in (posterior, finer):
@@ -86,7 +87,7 @@ def test_a_base_fit_keeps_the_steps_it_needs(quiet):
 def test_a_run_that_is_no_number_asks_for_no_steps(quiet):
     """Only what finer steps correct asks for them."""
     posterior, vector = quiet
-    assert steps_needed(posterior, vector.at[0].set(jnp.nan)) == 1
+    assert steps_needed(posterior, jnp.asarray(vector).at[0].set(jnp.nan)) == 1
 
 
 def test_bristles_that_ring_faster_than_a_slow_recorder_samples_are_found():

@@ -257,5 +257,5 @@ def test_a_bound_on_static_friction_keeps_it_above_coulomb_friction():
     found = _resolve(bounds={"Fs": (0.55, 0.65)})
     start = pack(found.layout, LOADED)
     index = _labels(found).index("Fc")
-    friction = _unpacked(found, start.at[index].add(0.5)).friction
+    friction = _unpacked(found, jnp.asarray(start).at[index].add(0.5)).friction
     assert float(friction.Fs) >= float(friction.Fc)

@@ -200,7 +200,7 @@ def test_two_roads_of_least_squares(problem, loss):
 def test_a_failing_step_keeps_the_best_vector(problem):
     """From a start whose run overflows, nothing is thrown and nothing is lost."""
     made, vector = problem
-    start, objective = vector.at[0].set(jnp.nan), under(made, Cauchy())
+    start, objective = jnp.asarray(vector).at[0].set(jnp.nan), under(made, Cauchy())
     unit = equal_curvature(objective, start)
     assert bool(jnp.all(jnp.isfinite(unit)))
     found = levenberg_marquardt(objective, start, unit, 60).vector
@@ -257,8 +257,10 @@ def test_a_known_starting_deflection_is_recovered_in_a_held_out_recording(deflec
 def test_no_parameter_sees_a_held_out_recording(batch):
     """Whatever it holds: here its input is another one, and its power dozens of times the noise."""
     posterior, vector = robust_posterior(PLANT, batch, np.array([False, True]))
-    spoiled = eqx.tree_at(lambda j: j.evidence[0].batch.u, posterior, batch.u.at[1].multiply(1.2))
-    start = vector.at[0].add(0.05)
+    spoiled = eqx.tree_at(
+        lambda j: j.evidence[0].batch.u, posterior, jnp.asarray(batch.u).at[1].multiply(1.2)
+    )
+    start = jnp.asarray(vector).at[0].add(0.05)
     ends = [descend(one, start) for one in (posterior, spoiled)]
     np.testing.assert_allclose(ends[0].vector[:8], ends[1].vector[:8], rtol=0, atol=1e-9)
     assert ends[0].misfit == pytest.approx(ends[1].misfit, rel=1e-9)

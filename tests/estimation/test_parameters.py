@@ -153,15 +153,18 @@ def test_the_ends_of_a_range_are_reported():
     for index, free in enumerate(BASE):
         low, high = (float(end) for end in free.range(start[index]))
         for end in (low, high, high + 3.0):
-            assert at_a_bound(BASE, start.at[index].set(end), start) == (free.label,)
-        assert at_a_bound(BASE, start.at[index].set(high - 1e-6), start) == ()
+            assert at_a_bound(BASE, jnp.asarray(start).at[index].set(end), start) == (free.label,)
+        assert at_a_bound(BASE, jnp.asarray(start).at[index].set(high - 1e-6), start) == ()
 
 
 def test_the_ends_of_a_range_are_found_inside_transformations():
     """Many vectors side by side, each beyond one end of one range."""
     start = pack(BASE, PLANT)
     for side, outward in ((0, -1e-9), (1, 1e-9)):
-        ends = [start.at[i].set(float(free.range(start[i])[side]) + outward) for i, free in enumerate(BASE)]
+        ends = [
+            jnp.asarray(start).at[i].set(float(free.range(start[i])[side]) + outward)
+            for i, free in enumerate(BASE)
+        ]
         found = jax.jit(jax.vmap(lambda vector: touching(BASE, vector, start)))(jnp.stack(ends))
         np.testing.assert_array_equal(found, np.eye(len(BASE), dtype=bool))
 
@@ -188,7 +191,9 @@ def test_physical_jacobian_agrees_with_differences():
     _, jacobian = physical(BASE, PLANT, start, start)
     h = 1e-5
     for index in range(len(BASE)):
-        moved = [physical(BASE, PLANT, start.at[index].add(s * h), start)[0] for s in (-1.0, 1.0)]
+        moved = [
+            physical(BASE, PLANT, jnp.asarray(start).at[index].add(s * h), start)[0] for s in (-1.0, 1.0)
+        ]
         difference = (moved[1] - moved[0]) / (2.0 * h)
         np.testing.assert_allclose(jacobian[:, index], difference, rtol=1e-8, atol=1e-8)
     # A heavier machine of the same frequency and damping ratio has more stiffness and damping; at the same Fs/Fc,

@@ -204,11 +204,11 @@ def test_messages_are_sentences(quiet):
         message_of(_ended(posterior, vector, Ending.STEPS))
         == "The fit stopped while still improving slightly."
     )
-    end = _ended(posterior, vector.at[0].set(posterior.start[0] + 2.0))
+    end = _ended(posterior, jnp.asarray(vector).at[0].set(posterior.start[0] + 2.0))
     assert message_of(end) == "At the end of its range: J."
     assert not parameters_of(end, UNITS)["J"].identified
     assert parameters_of(end, UNITS)["J"].stderr == float("inf")
-    lost = parameters_of(_ended(posterior, vector.at[0].set(jnp.nan)), UNITS)
+    lost = parameters_of(_ended(posterior, jnp.asarray(vector).at[0].set(jnp.nan)), UNITS)
     assert not any(estimate.identified for estimate in lost.values())
 
 
@@ -221,7 +221,7 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_minimum(q
         near = more.near(longer)
         slope = jnp.zeros_like(near.gradient).at[jnp.asarray([0, place])].set(-1e6)
         far = eqx.tree_at(lambda n: (n.gradient, n.hessian), near, (slope, jnp.eye(slope.size)))
-        step = _step(more, np.asarray(longer.at[place].set(now)), far, 0.0)
+        step = _step(more, np.asarray(jnp.asarray(longer).at[place].set(now)), far, 0.0)
         assert step[place] == longest
         assert step[0] == 1.5
 
@@ -245,7 +245,7 @@ def test_an_elastic_core_that_starts_bent_is_found_in_a_held_out_recording():
 
 def test_a_descent_from_an_overflow_ends_where_it_began(quiet):
     posterior, vector = quiet
-    found = descend(posterior, vector.at[0].set(jnp.nan))
+    found = descend(posterior, jnp.asarray(vector).at[0].set(jnp.nan))
     assert not found.converged
     assert found.misfit == float("inf")
     assert np.isnan(found.vector[0])
@@ -275,7 +275,7 @@ def test_every_free_parameter_has_a_row_of_its_own(quiet):
 def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
     """`extend` keeps ranges, prior and observer; the parameters stand before the starting deflections."""
     posterior, vector = quiet
-    vector = vector.at[0].add(0.01).at[-1].set(0.1)
+    vector = jnp.asarray(vector).at[0].add(0.01).at[-1].set(0.1)
     more, longer = extend(posterior, vector, effect("Creep"), plant_scales(PLANT, posterior.batch))
     assert [free.label for free in more.layout[len(posterior.layout) :]] == ["compliance", "time_constant"]
     assert longer.shape[0] == vector.shape[0] + 2
@@ -313,7 +313,7 @@ def test_finer_steps_take_out_what_one_step_a_sample_costs():
 def test_finer_steps_that_lead_away_change_nothing(fitted):
     """From a vector that is no minimum, and from derivatives that are not finite."""
     posterior, vector = fitted.posterior, fitted.fitted.vector
-    away = vector.at[1].add(0.5)
+    away = jnp.asarray(vector).at[1].add(0.5)
     kept, led_away = at_finer_steps(posterior, away, posterior.near(away), posterior.evaluated(away)[0])
     np.testing.assert_array_equal(kept, away)
     assert led_away

@@ -18,7 +18,7 @@ def test_a_block_whose_derivatives_overflow_says_nothing_and_the_others_all(valu
     runs = tuple(open_loop(f"stick {k}", stick_noise(), seed=k) for k in (1, 2))
     posterior, vector = robust_posterior(PLANT, make_batch(runs, encoder_step=FINE), np.array([False, True]))
     (plain,), block = posterior.evaluated(vector), posterior.batch.block
-    columns = plain.columns.at[column, 1, 5 * block : 7 * block].set(value)
+    columns = jnp.asarray(plain.columns).at[column, 1, 5 * block : 7 * block].set(value)
     spoilt = eqx.tree_at(lambda e: e.columns, plain, columns)
     sound = posterior.sound_blocks(0, columns)
     found = eqx.tree_at(lambda e: e.sound, spoilt, sound).sound_columns()

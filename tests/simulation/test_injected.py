@@ -55,7 +55,7 @@ def test_signals_do_what_the_effect_does(present, form):
             nuisances[nuisance.name] = unit * nuisance.grid[0]
     posterior, vector = extend(present.posterior, present.vector, FORMS[form](**nuisances), scales)
     place = len(present.posterior.layout)
-    stepped = vector.at[place].add(0.2 * FORMS[form].strengths[0].probes[0])
+    stepped = jnp.asarray(vector).at[place].add(0.2 * FORMS[form].strengths[0].probes[0])
     told = change(present.injected([posterior], [stepped]), present)
     true = change(posterior.errors_at([stepped]), present)
     size = np.sqrt(np.mean(true**2))
@@ -79,7 +79,7 @@ def test_effects_that_go_together_do_what_each_does_alone(present):
     for form, count in (("ConstantLoad", 2), ("Delay", 1), ("Creep", BESIDE + 1), ("DirectionAsymmetry", 3)):
         posterior, vector = extend(present.posterior, present.vector, FORMS[form](), scales)
         steps = 0.1 * (1.0 + np.arange(count)) * FORMS[form].strengths[0].probes[0]
-        blocks.append(([posterior] * count, [vector.at[place].add(step) for step in steps]))
+        blocks.append(([posterior] * count, [jnp.asarray(vector).at[place].add(step) for step in steps]))
     together = list(present.lanes(blocks))
     assert [len(errors) for errors in together] == [BESIDE, BESIDE, BESIDE + 1, BESIDE]
     for errors, (posteriors, vectors) in zip(together, blocks, strict=True):

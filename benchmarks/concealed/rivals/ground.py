@@ -98,7 +98,7 @@ class Ground:
             added = range(len(present.posterior.layout), len(posterior.layout))
             where = [(i, names[p.name]) for i in added if (p := posterior.layout[i].parameter).name in names]
             sets.append((instance, posterior, vector, [size for _, size in where]))
-            stepped += [(posterior, vector.at[i].add(size)) for i, size in where]
+            stepped += [(posterior, jnp.asarray(vector).at[i].add(size)) for i, size in where]
         if not stepped:
             return []
         changed = present.injected([posterior for posterior, _ in stepped], [vector for _, vector in stepped])

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.estimation.data.pieces import pieces_of, put_together
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.simulation.imposed import run_imposed
@@ -46,8 +47,8 @@ def _runs(
         return jnp.clip((force[0] - others) / sigma0, -most, most)
 
     first = jax.vmap(first_deflection)(batch.x, batch.force, batch.dt, batch.before)
-    v, z, friction = batch.run(drive, deflection * most)
-    return batch.run(drive, first)[2], friction, v, jnp.abs(z[..., 0]) / most
+    v, z, friction = batch.along(drive, deflection * most)
+    return batch.along(drive, first)[2], friction, v, jnp.abs(z[..., 0]) / most
 
 
 def view_of_forces(judgement: Judgement, batch: ImposedBatch, horizon: int, bandwidth: float) -> ForceView:
@@ -57,8 +58,14 @@ def view_of_forces(judgement: Judgement, batch: ImposedBatch, horizon: int, band
 
     **Arguments:** `horizon`: samples; `bandwidth`: of the missing force, Hz.
     """
-    parts = _runs(judgement.drive, batch, jnp.asarray(judgement.deflection))
-    free, friction, v, bend = (np.asarray(part) for part in parts)
+    pieces = pieces_of(batch.lengths)
+    found = [
+        _runs(judgement.drive, batch.piece(piece), judgement.deflection[piece.lanes]) for piece in pieces
+    ]
+    free, friction, v, bend = (
+        put_together(list(zip(pieces, parts, strict=True)), *batch.x.shape)
+        for parts in zip(*found, strict=True)
+    )
     measured, valid = np.asarray(batch.force), np.asarray(batch.valid)
     missing = (measured - friction) * valid
     widths = [smoothing_width(bandwidth, float(dt)) for dt in batch.dt]

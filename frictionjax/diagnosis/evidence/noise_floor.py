@@ -7,7 +7,6 @@ blocks agree, at a robust quantile.
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
@@ -50,7 +49,7 @@ def answer_to_force(posterior: Posterior, vector: Float[Array, " q"], *, rule: R
     scored = np.asarray(batch.block_count) > 0
     rng = np.random.default_rng(20020301)
     if batch.imposed:
-        whole = np.asarray(drive.friction.Fc / batch.noise)[:, None] ** 2 * scored
+        whole = (float(drive.friction.Fc) / np.asarray(batch.noise))[:, None] ** 2 * scored
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
         return Answer(whole, noise, noise * whole, 0.0 * noise)
     plain = posterior.errors_at([vector])[0]
@@ -59,7 +58,7 @@ def answer_to_force(posterior: Posterior, vector: Float[Array, " q"], *, rule: R
         change = np.nan_to_num(_force_response(posterior, vector, plain, _SMALL, rng) / _SMALL)
         noise = evidence.noise_alone(rng)
         products = (noise**2, change**2, noise * change)
-        draws.append([np.asarray(batch.block_mean(jnp.asarray(product))) for product in products])
+        draws.append([batch.block_mean(product) for product in products])
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     kernel = np.ones(_SMOOTH) / _SMOOTH
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
@@ -97,7 +96,7 @@ def scatter(
     changes = [_force_response(posterior, vector, plain, size, rng) for _ in range(draws)]
     # The difference of two runs, or its square, may overflow.
     bounded = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in changes]
-    powers = [np.asarray(posterior.batch.block_mean(jnp.asarray(change**2))) for change in bounded]
+    powers = [posterior.batch.block_mean(change**2) for change in bounded]
     kernel = np.ones(_SMOOTH) / _SMOOTH
     return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
 
@@ -118,9 +117,9 @@ def predictable(
     """
     near = is_predictable(scatter(posterior, vector, size, draws=draws), rule)
     scored = np.asarray(posterior.batch.block_count) > 0
-    kept = jnp.asarray(np.where(near, 1.0, 0.0).ravel())
+    kept = np.where(near, 1.0, 0.0).ravel()
     some = bool(np.any(scored & ~near))
-    return eqx.tree_at(lambda p: p.weights, posterior, (posterior.weights[0] * kept,)), some
+    return eqx.tree_at(lambda p: p.weights, posterior, (np.asarray(posterior.weights[0]) * kept,)), some
 
 
 def _force_response(
@@ -135,7 +134,7 @@ def _force_response(
     force = size * float(drive.friction.Fc) / float(drive.motor_constant)
     disturbed = posterior.recordings.with_input(force * rng.standard_normal(posterior.batch.x.shape))
     other = eqx.tree_at(lambda p: p.evidence, posterior, (disturbed,))
-    return np.asarray(other.errors_at([vector])[0] - plain)
+    return other.errors_at([vector])[0] - plain
 
 
 def quietness(

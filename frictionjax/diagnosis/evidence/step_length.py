@@ -4,11 +4,10 @@ One step a sample is enough for most machines. Where bristles yield within a few
 noise, and the mismatch is then one of the integration: an effect that smooths it out would be named.
 """
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.misfit import losses_of
@@ -19,26 +18,20 @@ MOST = 4
 remains, less than a hundredth of its power."""
 
 
-@eqx.filter_jit
-def _differences(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, "k r b"]:
+def _differences(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[np.ndarray, "k r b"]:
     """Power in each block of the difference between the innovations and those with four times as many steps: for the
     number of steps of the batch, and for twice that."""
-    drive, deflections = posterior.drive_of(vector), vector[posterior.parameters :]
-
-    def errors(finer: int) -> Float[Array, "r n"]:
-        return posterior.recordings.standardised(drive, deflections, finer=finer)
-
-    finest = errors(MOST)
+    own = posterior.batch.substeps
+    once, twice, finest = (
+        posterior.with_substeps(finer * own).errors_at([vector])[0] for finer in (1, MOST // 2, MOST)
+    )
     # Where the finest run is not finite either, finer steps do not help.
-    finite = jnp.isfinite(finest)
-    powers = [
-        block_power(jnp.where(finite, errors(finer) - finest, 0.0), posterior.batch)
-        for finer in (1, MOST // 2)
-    ]
-    return jnp.stack(powers)
+    finite = np.isfinite(finest)
+    changes = [np.subtract(e, finest, out=np.zeros_like(e), where=finite) for e in (once, twice)]
+    return block_power(np.stack(changes), posterior.batch)
 
 
-def steps_needed(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> int:
+def steps_needed(posterior: Posterior, vector: Float[Numbers, " q"], *, rule: Rule = Rule()) -> int:
     """Integration steps a sample with which the integration error alone leaves the model of the `posterior` at `vector`
     adequate by the `rule`, on the fitted recordings and on the held-out ones: once, twice or four times those of its
     batch. 1 where the motion is imposed, since its runs choose their own steps.
@@ -59,4 +52,4 @@ def steps_needed(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule
 
 def with_steps(posterior: Posterior, steps: int) -> Posterior:
     """The same `posterior` with this number of integration `steps` a sample; its recordings are of an applied input."""
-    return eqx.tree_at(lambda own: own.evidence[0].batch, posterior, posterior.batch.with_substeps(steps))
+    return posterior.with_substeps(steps)

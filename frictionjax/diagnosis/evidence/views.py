@@ -3,6 +3,7 @@
 import dataclasses
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -11,7 +12,8 @@ from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_o
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
 from frictionjax.estimation.data.batch import Batch, rows_of
-from frictionjax.physics import Drive
+from frictionjax.estimation.data.pieces import Piece, lanes_of, pieces_of, put_together
+from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
 from frictionjax.simulation import (
@@ -21,12 +23,16 @@ from frictionjax.simulation import (
     observer_gains,
     residual_force,
     residual_force_std,
-    simulate,
 )
-from frictionjax.simulation.prediction import run_ahead
+from frictionjax.simulation.fixed import run_free
+from frictionjax.simulation.observer import corrected_states
+from frictionjax.simulation.prediction import free_run
+from frictionjax.simulation.ros2 import State
 
 _AHEAD = 0.1  # s
 _FORCE_BANDWIDTH = 25.0  # Hz
+_RUNS_IN_HORIZON = 40  # free runs that begin within the horizon of a prediction
+_LANES, _ROOM = 256, 64  # free runs side by side, and samples that are kept of each
 
 
 class View(eqx.Module):
@@ -43,17 +49,29 @@ class View(eqx.Module):
     e: Float[np.ndarray, "r n"]
 
 
+class _Along(eqx.Module):
+    """One model along a piece of recordings, arrays of shape `(w, n)`: `free` run, residual `force`; of the observer
+    `v`, `bend`, `innovation`, predicted position `x` and corrected `states`; and the motor force, `push`."""
+
+    free: Float[Array, "w n"]
+    force: Float[Array, "w n"]
+    v: Float[Array, "w n"]
+    bend: Float[Array, "w n"]
+    innovation: Float[Array, "w n"]
+    x: Float[Array, "w n"]
+    states: State
+    push: Push
+
+
 @eqx.filter_jit
-def _view(
+def _along(
     drive: Drive,
     batch: Batch,
     gains: Gains,
-    deflection: Float[Array, " r"],
-    first: Float[Array, " r"],
+    deflection: Float[Array, " w"],
+    first: Float[Array, " w"],
     bandwidth: Float[Array, ""],
-    horizon: int,
-    stride: int,
-) -> tuple[Float[Array, "r n"], ...]:
+) -> _Along:
     def one(
         u: Float[Array, " n"],
         x: Float[Array, " n"],
@@ -62,19 +80,40 @@ def _view(
         start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
         x_first: Float[Array, ""],
         length: Int[Array, ""],
-    ) -> tuple[Float[Array, " n"], ...]:
+    ) -> _Along:
         force, before = drive.applied_force(u, dt), start[3]
+        steps, samples = batch.steps, batch.samples
+        zero = jnp.zeros_like(x_first)
         # The free run uses the first sample only.
-        steps = batch.substeps
-        free = simulate(drive, u, 1.0 / dt, x0=x_first, substeps=max(steps, 2), before=before).measured
-        observed = observe(drive, force, x, dt, gains, start, substeps=steps)
-        ahead = run_ahead(drive, force, observed, dt, gains, horizon=horizon, stride=stride, substeps=steps)
-        missing = residual_force(drive, force, x, dt, bandwidth, start, substeps=steps, measured=length)
+        free = run_free(drive, u, dt, (x_first, zero, zero, before), jnp.maximum(steps, 2), samples)
+        observed = observe(drive, force, x, dt, gains, start, substeps=steps, samples=samples)
+        missing = residual_force(
+            drive, force, x, dt, bandwidth, start, substeps=steps, measured=length, samples=samples
+        )
         bend = jnp.abs(observed.z[:, 0]) * drive.friction.sigma0 / drive.friction.Fs
-        return free, ahead, missing, observed.v, bend, observed.innovation
+        states = corrected_states(drive, observed, gains)
+        push = force if isinstance(force, Push) else Push(force, jnp.zeros_like(force))
+        return _Along(free.measured, missing, observed.v, bend, observed.innovation, observed.x, states, push)
 
     deflection = deflection * drive.friction.Fs / drive.friction.sigma0
     return batch.each(one, gains, deflection, first, jnp.asarray(batch.lengths))
+
+
+@eqx.filter_jit
+def _free_runs(
+    drive: Drive,
+    push: Push,
+    states: State,
+    begin: Int[Array, " runs"],
+    dt: Float[Array, ""],
+    horizon: Int[Array, ""],
+    stride: Int[Array, ""],
+    steps: Int[Array, ""],
+) -> Float[Array, "runs room"]:
+    def one(state: State, begin: Int[Array, ""]) -> Float[Array, " room"]:
+        return free_run(drive, push, state, begin, dt, horizon, stride, room=_ROOM, substeps=steps)
+
+    return jax.vmap(one)(states, begin)
 
 
 def view(judgement: Judgement, scene: Scene) -> View:
@@ -102,24 +141,46 @@ def _view_of_rows(
 ) -> dict[str, Float[np.ndarray, "k n"]]:
     """The fields of a `View` for the recordings `rows`, all sampled at `dt` s, up to `length` samples."""
     batch = rows_of(scene.batch, rows)
-    cut = tuple(leaf[:, :length] for leaf in (batch.u, batch.x, batch.valid))
-    batch = eqx.tree_at(lambda b: (b.u, b.x, b.valid), batch, cut)
-    gains = observer_gains(jnp.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
-    horizon = ahead_samples(dt)
-    parts = _view(
-        judgement.drive,
-        batch,
-        gains,
-        jnp.asarray(judgement.deflection[rows]),
-        batch.x[:, 0],
-        jnp.asarray(force_bandwidth(dt)),
-        horizon,
-        max(horizon // 40, 1),
-    )
-    free, ahead, force, v, bend, innovation = (np.asarray(part) for part in parts)
+    gains = observer_gains(np.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
+    fields: dict[str, list] = {name: [] for name in ("free", "ahead", "force", "v", "bend", "innovation")}
+    pieces = pieces_of(batch.lengths)
+    for piece in pieces:
+        part = batch.piece(piece)
+        first, bandwidth = np.asarray(batch.x)[piece.lanes, 0], np.asarray(force_bandwidth(dt))
+        bent = judgement.deflection[rows][piece.lanes]
+        found = _along(judgement.drive, part, lanes_of(gains, piece), bent, first, bandwidth)
+        fields["ahead"].append(_ahead(judgement.drive, found, piece, dt, batch.substeps))
+        for name in ("free", "force", "v", "bend", "innovation"):
+            fields[name].append(getattr(found, name))
+    whole = {
+        name: put_together(list(zip(pieces, parts, strict=True)), rows.size, length)
+        for name, parts in fields.items()
+    }
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
-    e = innovation / unit * np.asarray(batch.valid)
-    return {"free": free, "ahead": ahead, "force": force, "v": v, "bend": bend, "e": e}
+    whole["e"] = whole.pop("innovation") / unit * np.asarray(batch.valid)[:, :length]
+    return whole
+
+
+def _ahead(drive: Drive, found: _Along, piece: Piece, dt: float, substeps: int) -> Float[np.ndarray, "w n"]:
+    """Position 0.1 s ahead, as `predict_ahead` has it, along a `piece` of recordings sampled at `dt` s, from what was
+    `found` along it."""
+    horizon = ahead_samples(dt)
+    stride = int(np.clip(horizon // _RUNS_IN_HORIZON, 1, _ROOM))
+    whole = np.array(found.x)
+    states = jax.tree.map(np.asarray, found.states)
+    for row in range(piece.rows.size):
+        push = jax.tree.map(lambda leaf, row=row: np.asarray(leaf)[row], found.push)
+        begins = np.arange(0, max(piece.samples - horizon, 0), stride)
+        for some in (begins[first : first + _LANES] for first in range(0, begins.size, _LANES)):
+            lanes = np.concatenate([some, np.repeat(some[-1:], _LANES - some.size)])
+            own = jax.tree.map(lambda leaf, row=row, lanes=lanes: leaf[row][lanes], states)
+            numbers = (np.asarray(dt), *(np.asarray(value) for value in (horizon, stride, substeps)))
+            runs = np.asarray(_free_runs(drive, push, own, lanes, *numbers))
+            ahead = runs[: some.size, :stride].ravel()
+            first = some[0] + horizon
+            last = min(first + ahead.size, piece.samples)
+            whole[row, first:last] = ahead[: last - first]
+    return whole
 
 
 def held_out_error(predicted: View, scene: Scene) -> float:

@@ -16,7 +16,6 @@ import itertools
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -27,6 +26,7 @@ from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.parameters import changed
 from frictionjax.physics import Drive
 
 _FREQUENCY, _DAMPING = 200.0, 0.25  # of the contact, Hz and 1: what the machine does hardly depends on them
@@ -51,7 +51,7 @@ def load_ratio(
 def without_chaos(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Posterior:
     """`posterior` without the blocks in which two runs of the model `vector` part under a small unmeasured force:
     what is chaotic is not fitted."""
-    whole = eqx.tree_at(lambda j: j.weights, posterior, (jnp.ones_like(posterior.weights[0]),))
+    whole = eqx.tree_at(lambda j: j.weights, posterior, (np.ones_like(posterior.weights[0]),))
     return predictable(whole, vector, gap_force(0.0, rule), draws=1, rule=rule)[0]
 
 
@@ -116,7 +116,7 @@ def heavier(posterior: Posterior, vector: Float[Array, " q"], times: float | Arr
     new = np.array(vector)
     for path, shift in shifts.items():
         new[places[path]] += shift
-    return jnp.asarray(new)
+    return np.asarray(new)
 
 
 def _sliding(batch: AbstractBatch, deflection: float, budget: Backlash) -> Float[np.ndarray, " r"]:
@@ -153,7 +153,7 @@ def _around(
         new = _with(posterior, vector, {"gap": gap, "drag": share * viscous / inertia}, place)
         left = max(1.0 - share, _LEAST_LEFT) * viscous
         sigma2 = next(i for i, free in enumerate(posterior.layout) if free.path == "friction.sigma2")
-        models.append(new.at[sigma2].add(np.log(left / float(drive.friction.sigma2))))
+        models.append(changed(new, sigma2, new[sigma2] + np.log(left / float(drive.friction.sigma2))))
     return models
 
 
@@ -167,7 +167,7 @@ def _with(
         if free.path == f"effects.{place}.{name}" and name in values:
             log = free.parameter.transform == "log"
             new[index] = np.log(values[name]) if log else values[name] / float(free.scale)
-    return jnp.asarray(new)
+    return np.asarray(new)
 
 
 def _best(

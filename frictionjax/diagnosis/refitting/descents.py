@@ -3,7 +3,6 @@
 import dataclasses
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -130,7 +129,7 @@ def from_the_balance(start: Start, trial: Trial, balanced: Balanced) -> Candidat
     ends = []
     for drive in balanced.drives:
         first = changed(
-            jnp.zeros_like(vector),
+            np.zeros_like(vector),
             slice(0, count),
             pack(posterior.layout, drive.with_effects(balanced.effect)),
         )

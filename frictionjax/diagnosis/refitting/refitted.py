@@ -1,7 +1,6 @@
 """A candidate that was refitted, and the last steps of its fit."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.diagnosis.effort import Effort
@@ -56,7 +55,7 @@ def ease(model: Model, *, rule: Rule = Rule(), effort: Effort = Effort()) -> Mod
     wanted, now = ease_of(model.judgement.power[scored], rule), batch.ease  # type: ignore[attr-defined]
     if abs(np.log(wanted / float(now[0]))) < effort.refitting.eased:
         return model
-    posterior = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.posterior, jnp.full_like(now, wanted))
+    posterior = eqx.tree_at(lambda j: j.evidence[0].batch.ease, model.posterior, np.full_like(now, wanted))
     fitted = descend(posterior, model.fitted.vector, graduate=False)
     return Model(posterior, fitted, judge(posterior, fitted))
 

@@ -4,32 +4,46 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.data.pieces import put_together
+from frictionjax.estimation.evidence import AbstractRecordings
+from frictionjax.estimation.objective.posterior import Model, Posterior
 from frictionjax.physics import Drive
 
 
 def errors_with_effect(
     posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
-) -> Float[Array, "k r n"]:
+) -> Float[np.ndarray, "k r n"]:
     """Standardised errors of the force for each of `vectors` of as many `posteriors`, which have one layout and may
     differ in fixed parameters, shape `(k, r, n)`."""
-    drives, starts = jax.tree.map(
-        lambda *leaves: jnp.stack(leaves), *((one.drive, one.start) for one in posteriors)
+    recordings, count = posteriors[0].recordings, posteriors[0].parameters
+    models = [one.model for one in posteriors]
+    drives, centres = jax.tree.map(
+        lambda *leaves: np.stack(leaves), *((one.drive, one.centre) for one in models)
     )
-    stacked = jnp.stack([jnp.asarray(vector) for vector in vectors])
-    return _side_by_side(posteriors[0], drives, starts, stacked)
+    stacked = np.stack([np.asarray(vector) for vector in vectors])
+    parts = []
+    for piece in recordings.pieces():
+        own = recordings.piece(piece)
+        z0 = stacked[:, count:][:, piece.lanes]
+        parts.append((piece, _side_by_side(models[0], drives, centres, own, stacked[:, :count], z0)))
+    return put_together(parts, recordings.rows, recordings.samples, axis=1)
 
 
 @eqx.filter_jit
 def _side_by_side(
-    posterior: Posterior, drives: Drive, starts: Float[Array, "k q"], vectors: Float[Array, "k q"]
-) -> Float[Array, "k r n"]:
-    def lane(drive: Drive, start: Float[Array, " q"], vector: Float[Array, " q"]) -> Float[Array, "r n"]:
-        own = eqx.tree_at(lambda p: (p.drive, p.start), posterior, (drive, start))
-        return own.recordings.standardised(own.drive_of(vector), vector[own.parameters :])
+    model: Model,
+    drives: Drive,
+    centres: Float[Array, "k p"],
+    recordings: AbstractRecordings,
+    parameters: Float[Array, "k p"],
+    z0: Float[Array, "k w"],
+) -> Float[Array, "k w n"]:
+    def lane(
+        drive: Drive, centre: Float[Array, " p"], parameters: Float[Array, " p"], z0: Float[Array, " w"]
+    ) -> Float[Array, "w n"]:
+        return recordings.standardised(Model(model.constraints, drive, centre).drive_of(parameters), z0)
 
-    return jax.vmap(lane)(drives, starts, vectors)
+    return jax.vmap(lane)(drives, centres, parameters, z0)

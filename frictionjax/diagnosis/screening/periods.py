@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.signal import find_peaks
@@ -48,7 +47,7 @@ def wavelengths(
     - `count`: how many periods.
     - `fine`: search for those of a sensor, which may be far shorter and appear at any speed.
     """
-    power = np.asarray(batch.block_mean(jnp.asarray(innovation**2)))
+    power = batch.block_mean(innovation**2)
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
     # Vibration in stick is fast without displacement: what counts is the mean velocity over a block.
     travel = np.abs(speed.reshape(speed.shape[0], -1, batch.block).mean(-1))

@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.screening.linearised import BESIDE, Present
-from frictionjax.estimation.evidence.power import lane_powers, sum_clusters
+from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
@@ -78,16 +77,17 @@ def forms_to_try(
     return [form(**dict(point)) for point in itertools.product(*axes)]
 
 
-@eqx.filter_jit
 def _regressed(errors, sizes, e, fine, weighings, block):
     """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
     something of a small effect, and per weighing the products of their columns with the base, with each other and with
     the innovations `e`, and for each cluster with the `fine` ones."""
-    changes = errors - e[None]
-    thrown = jnp.sqrt(jnp.mean(changes**2, axis=(1, 2)))
+    columns = errors - e[None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        thrown = np.sqrt(np.mean(columns**2, axis=(1, 2)))
     # A step through a break-away event can throw the trajectory.
-    good = jnp.isfinite(thrown) & (thrown < _THROWN * jnp.sqrt(jnp.mean(e**2)))
-    columns = jnp.where(good[:, None, None], changes / sizes[:, None, None], 0.0)
+    good = np.isfinite(thrown) & (thrown < _THROWN * np.sqrt(np.mean(e**2)))
+    columns[~good] = 0.0
+    columns /= sizes[:, None, None]
     flat = columns.reshape(columns.shape[0], -1)
     products = []
     for weight, base in weighings:
@@ -167,9 +167,8 @@ def promises_of(
         steps = [size for probe in probes for size in probe.sizes]
         sizes[: len(steps)] = steps
         good, products = _regressed(
-            errors, jnp.asarray(sizes), present.e, present.fine, weighings, present.posterior.batch.block
+            errors, sizes, present.e, present.fine, weighings, present.posterior.batch.block
         )
-        good, products = np.asarray(good), [[np.asarray(part) for part in product] for product in products]
         first = 0
         for probe in probes:
             own = slice(first, first + len(probe.where))
@@ -293,7 +292,7 @@ def simulated(present: Present, promised: Sequence[list[Promise]], least: float)
     )
     fitted, batch = np.asarray(present.posterior.fitted[0]), present.posterior.batch
     for (number, some), errors in zip(blocks, runs, strict=True):
-        powers = np.asarray(lane_powers(errors, batch))[: len(some)]
+        powers = block_power(errors[: len(some)], batch)
         for (rank, vector), power in zip(some, powers, strict=True):
             gain = present.misfit - misfit_of(power, fitted, batch)
             if rank not in best[number] or gain > best[number][rank][0]:
@@ -323,7 +322,7 @@ def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
         effect=promise.form.name,
         form=promise.form,
         posterior=promise.posterior,
-        vector=jnp.asarray(vector),
+        vector=vector,
         gain=gain,
         linear_gain=promise.linear_gain,
         p_value=promise.p_value,
@@ -336,7 +335,7 @@ def _trial(promise: Promise, gain: float, vector: np.ndarray) -> Trial:
         },
         shown=promise.shown,
         absorbed=promise.absorbed,
-        valley=jnp.asarray(promise.valley),
+        valley=promise.valley,
     )
 
 

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 from concurrent.futures import Executor
 
-import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import Progress
@@ -133,7 +132,7 @@ def better_base(model: Model, refits: list[Refitted], *, effort: Effort = Effort
     slow = model.posterior.at_bandwidth(SLOW_BANDWIDTH)
     count, own = len(slow.layout), model.fitted.misfit
     starts = [
-        jnp.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.posterior.layout))))
+        np.asarray(np.delete(np.asarray(r.model.fitted.vector), slice(count, len(r.model.posterior.layout))))
         for r in refits
     ]
     if not starts:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.diagnosis.effort import Effort
@@ -276,7 +275,7 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
     own = full.posterior
     empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.posterior, (own.evidence, own.weights))
     ends: list[tuple[Posterior, Fitted]] = []
-    for vector in (jnp.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
+    for vector in (np.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
         posterior = empty
         for place in places:
             posterior, vector = extend(posterior, vector, effects[place], scales)
@@ -287,7 +286,7 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
 
 def fitted_to_all(model: Model) -> Model:
     """The `model` fitted to all recordings, the held-out ones included, and judged as before."""
-    posterior = eqx.tree_at(lambda j: j.fitted, model.posterior, (jnp.ones_like(model.posterior.fitted[0]),))
+    posterior = eqx.tree_at(lambda j: j.fitted, model.posterior, (np.ones_like(model.posterior.fitted[0]),))
     fitted = descend(posterior, model.fitted.vector, graduate=False)
     judgement = eqx.tree_at(lambda j: j.held_out, judge(posterior, fitted), model.judgement.held_out)
     return Model(posterior, fitted, judgement)

@@ -9,11 +9,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree, Shaped
+from jaxtyping import Float, Int, PyTree
 
+from frictionjax.core.arrays import Numbers, known
+from frictionjax.estimation.data.pieces import Piece, Run, earlier_of, lanes_of, padded
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
 from frictionjax.simulation import Gains
+from frictionjax.simulation.ros2 import Substeps
 
 # The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
 _SETTLING = 0.1
@@ -31,17 +34,18 @@ class AbstractBatch(eqx.Module):
     **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
     deviation of the noise of the measured output), shape `(r,)`; `block` (samples per block); `lengths` (samples of
     each recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps
-    a sample).
+    a sample); `run`: of a piece, what is then a number of the case.
     """
 
-    x: eqx.AbstractVar[Float[Array, "r n"]]
-    valid: eqx.AbstractVar[Float[Array, "r n"]]
-    dt: eqx.AbstractVar[Float[Array, " r"]]
-    noise: eqx.AbstractVar[Float[Array, " r"]]
+    x: eqx.AbstractVar[Float[Numbers, "r n"]]
+    valid: eqx.AbstractVar[Float[Numbers, "r n"]]
+    dt: eqx.AbstractVar[Float[Numbers, " r"]]
+    noise: eqx.AbstractVar[Float[Numbers, " r"]]
     block: eqx.AbstractVar[int]
     lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
     before: eqx.AbstractVar[Before]
     substeps: eqx.AbstractVar[int]
+    run: eqx.AbstractVar[Run | None]
 
     @property
     @abstractmethod
@@ -50,29 +54,43 @@ class AbstractBatch(eqx.Module):
 
     @property
     @abstractmethod
-    def answer(self) -> Float[Array, "r n"]:
+    def answer(self) -> Float[Numbers, "r n"]:
         """The measured output, which a model predicts: position or force, shape `(r, n)`."""
 
     @property
     @abstractmethod
-    def inputs(self) -> Float[Array, "r n"] | None:
+    def inputs(self) -> Float[Numbers, "r n"] | None:
         """The applied input, input units, shape `(r, n)`; None where the motion was imposed."""
 
     @property
     @abstractmethod
-    def position_noise(self) -> Float[Array, " r"] | None:
+    def position_noise(self) -> Float[Numbers, " r"] | None:
         """Standard deviation of the noise of the measured position, shape `(r,)`; None where the position is given."""
 
     @abstractmethod
     def with_substeps(self, substeps: int) -> "AbstractBatch":
         """The same recordings with so many integration `substeps` a sample. An imposed motion keeps its own."""
 
-    def block_mean(self, squares: Float[Array, "r n"]) -> Float[Array, "r b"]:
-        """Mean over the scored samples of each block; 0 for a block without any. Shape `(r, n / block)`."""
-        shape = (*squares.shape[:-1], -1, self.block)
-        weight = self.valid.reshape(shape)
-        total = jnp.sum(squares.reshape(shape) * weight, axis=-1)
-        return total / jnp.maximum(jnp.sum(weight, axis=-1), 1.0)
+    @abstractmethod
+    def piece(self, piece: Piece) -> "AbstractBatch":
+        """The recordings of a `piece`, of its shape."""
+
+    @property
+    def samples(self) -> Int[Numbers, ""] | None:
+        """How many samples are to be run along, in a piece; None: all."""
+        return None if self.run is None else self.run.samples
+
+    @property
+    def steps(self) -> Substeps:
+        """Integration steps a sample."""
+        return self.substeps if self.run is None else self.run.substeps
+
+    def block_mean(self, squares: Float[Numbers, "*k r n"]) -> Float[Numbers, "*k r b"]:
+        """Mean over the scored samples of each block; 0 for a block without any. Shape `(..., r, n / block)`."""
+        xp, (squares, valid) = known(squares, self.valid)
+        weight = valid.reshape(valid.shape[0], -1, self.block)
+        total = xp.sum(squares.reshape(*squares.shape[:-1], -1, self.block) * weight, axis=-1)
+        return total / xp.maximum(xp.sum(weight, axis=-1), 1.0)
 
     @property
     def eased(self) -> Float[np.ndarray, " r"]:
@@ -80,18 +98,16 @@ class AbstractBatch(eqx.Module):
         return np.ones(self.x.shape[0])
 
     @property
-    def block_count(self) -> Float[Array, "r b"]:
+    def block_count(self) -> Float[Numbers, "r b"]:
         """Scored samples in each block, shape `(r, n / block)`."""
-        return jnp.sum(self.valid.reshape((*self.valid.shape[:-1], -1, self.block)), axis=-1)
+        xp, (valid,) = known(self.valid)
+        return xp.sum(valid.reshape(valid.shape[0], -1, self.block), axis=-1)
 
 
 def rows_of(tree: PyTree, rows: Int[np.ndarray, " k"]) -> PyTree:
     """These `rows` of every array of a `tree`. By NumPy: no shape is compiled for."""
 
-    def some(leaf: Shaped[Array | np.ndarray, "r ..."]) -> Shaped[Array | np.ndarray, "k ..."]:
-        return leaf[rows] if isinstance(leaf, np.ndarray) else jnp.asarray(np.asarray(leaf)[rows])
-
-    return jax.tree.map(some, tree)
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[rows], tree)
 
 
 class Batch(AbstractBatch):
@@ -101,17 +117,31 @@ class Batch(AbstractBatch):
     first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position; `substeps`: integration steps a sample.
     """
 
-    u: Float[Array, "r n"]
-    x: Float[Array, "r n"]
-    valid: Float[Array, "r n"]
-    dt: Float[Array, " r"]
-    noise: Float[Array, " r"]
-    x0: Float[Array, " r"]
-    v0: Float[Array, " r"]
+    u: Float[Numbers, "r n"]
+    x: Float[Numbers, "r n"]
+    valid: Float[Numbers, "r n"]
+    dt: Float[Numbers, " r"]
+    noise: Float[Numbers, " r"]
+    x0: Float[Numbers, " r"]
+    v0: Float[Numbers, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     before: Before
     substeps: int = eqx.field(static=True, default=1)
+    run: Run | None = None
+
+    def piece(self, piece: Piece) -> "Batch":
+        """The recordings of a `piece`, of its shape."""
+        return Batch(
+            u=padded(self.u, piece),
+            x=padded(self.x, piece),
+            valid=padded(self.valid, piece, "zero"),
+            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "x0", "v0")}, piece),
+            block=1,
+            lengths=self.lengths[piece.lanes],
+            before=before_piece(self.before, piece),
+            run=Run(np.asarray(piece.samples), np.asarray(self.substeps)),
+        )
 
     @property
     def imposed(self) -> bool:
@@ -119,17 +149,17 @@ class Batch(AbstractBatch):
         return False
 
     @property
-    def answer(self) -> Float[Array, "r n"]:
+    def answer(self) -> Float[Numbers, "r n"]:
         """The measured position."""
         return self.x
 
     @property
-    def inputs(self) -> Float[Array, "r n"]:
+    def inputs(self) -> Float[Numbers, "r n"]:
         """The applied input, input units."""
         return self.u
 
     @property
-    def position_noise(self) -> Float[Array, " r"]:
+    def position_noise(self) -> Float[Numbers, " r"]:
         """Standard deviation of the noise of the position."""
         return self.noise
 
@@ -141,7 +171,7 @@ class Batch(AbstractBatch):
         self,
         function: Callable[..., PyTree],
         gains: Gains,
-        deflection: Float[Array, " r"],
+        deflection: Float[Numbers, " r"],
         *more: PyTree,
     ) -> PyTree:
         """`function` of every recording, side by side.
@@ -156,19 +186,28 @@ class Batch(AbstractBatch):
         """
 
         def one(
-            u: Float[Array, " n"],
-            x: Float[Array, " n"],
-            dt: Float[Array, ""],
+            u: Float[Numbers, " n"],
+            x: Float[Numbers, " n"],
+            dt: Float[Numbers, ""],
             gains: Gains,
-            x0: Float[Array, ""],
-            v0: Float[Array, ""],
-            z0: Float[Array, ""],
+            x0: Float[Numbers, ""],
+            v0: Float[Numbers, ""],
+            z0: Float[Numbers, ""],
             before: Before,
             *more: PyTree,
         ) -> PyTree:
             return function(u, x, dt, gains, (x0, v0, z0, before), *more)
 
         return jax.vmap(one)(self.u, self.x, self.dt, gains, self.x0, self.v0, deflection, self.before, *more)
+
+
+def before_piece(before: Before, piece: Piece) -> Before:
+    """What was `before` the recordings of a `piece`."""
+    earlier = {name: earlier_of(getattr(before, name), piece) for name in ("path", "age")}
+    rest = lanes_of(
+        {name: getattr(before, name) for name in ("clock", "rest", "duration", "temperature")}, piece
+    )
+    return Before(**earlier, **rest)
 
 
 def white_level(values: Float[np.ndarray, " n"]) -> float:
@@ -303,13 +342,13 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         for r, x, v in zip(recordings, x0, v0, strict=True)
     ]
     return Batch(
-        u=jnp.asarray(side_by_side([r.u for r in recordings], block)),
-        x=jnp.asarray(x),
-        valid=jnp.asarray(valid),
-        dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
-        noise=jnp.asarray(noise),
-        x0=jnp.asarray(x0),
-        v0=jnp.asarray(v0),
+        u=side_by_side([r.u for r in recordings], block),
+        x=x,
+        valid=valid,
+        dt=np.asarray([1.0 / r.sample_rate for r in recordings]),
+        noise=np.asarray(noise),
+        x0=np.asarray(x0),
+        v0=np.asarray(v0),
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
         before=what_was_before(recordings),

@@ -2,13 +2,20 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from frictionjax.core import InputError
-from frictionjax.estimation.data.batch import AbstractBatch, block_of, side_by_side, what_was_before
+from frictionjax.core.arrays import Numbers
+from frictionjax.estimation.data.batch import (
+    AbstractBatch,
+    before_piece,
+    block_of,
+    side_by_side,
+    what_was_before,
+)
 from frictionjax.estimation.data.force_noise import force_noise_levels
+from frictionjax.estimation.data.pieces import Piece, Run, lanes_of, padded
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
@@ -22,16 +29,30 @@ class ImposedBatch(AbstractBatch):
     `ease`, shape `(r,)`, a factor (at least 1) on it with which errors are standardised.
     """
 
-    x: Float[Array, "r n"]
-    force: Float[Array, "r n"]
-    valid: Float[Array, "r n"]
-    dt: Float[Array, " r"]
-    noise: Float[Array, " r"]
+    x: Float[Numbers, "r n"]
+    force: Float[Numbers, "r n"]
+    valid: Float[Numbers, "r n"]
+    dt: Float[Numbers, " r"]
+    noise: Float[Numbers, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     before: Before
-    ease: Float[Array, " r"]
+    ease: Float[Numbers, " r"]
     substeps: int = eqx.field(static=True, default=1)
+    run: Run | None = None
+
+    def piece(self, piece: Piece) -> "ImposedBatch":
+        """The recordings of a `piece`, of its shape; their motion goes on with its last velocity."""
+        return ImposedBatch(
+            x=padded(self.x, piece, "line"),
+            force=padded(self.force, piece),
+            valid=padded(self.valid, piece, "zero"),
+            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "ease")}, piece),
+            block=1,
+            lengths=self.lengths[piece.lanes],
+            before=before_piece(self.before, piece),
+            run=Run(np.asarray(piece.samples), np.asarray(self.substeps)),
+        )
 
     @property
     def imposed(self) -> bool:
@@ -39,7 +60,7 @@ class ImposedBatch(AbstractBatch):
         return True
 
     @property
-    def answer(self) -> Float[Array, "r n"]:
+    def answer(self) -> Float[Numbers, "r n"]:
         """The measured force."""
         return self.force
 
@@ -62,14 +83,18 @@ class ImposedBatch(AbstractBatch):
         """Square of `ease`, shape `(r,)`."""
         return np.asarray(self.ease) ** 2
 
-    def run(
+    def along(
         self, drive: Drive, z0: Float[Array, " r"]
     ) -> tuple[Float[Array, "r n"], Float[Array, "r n bristles"], Float[Array, "r n"]]:
         """Velocity, deflection of every bristle and friction force of `drive` along the imposed motions; `z0` is the
         deflection at the first sample, position units. Works under jit, vmap and in derivatives."""
-        return jax.vmap(lambda x, dt, z, earlier: run_imposed(drive, x, dt, z, earlier=earlier))(
-            self.x, self.dt, z0, self.before
-        )
+
+        def one(
+            x: Float[Array, " n"], dt: Float[Array, ""], z: Float[Array, ""], earlier: Before
+        ) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
+            return run_imposed(drive, x, dt, z, earlier=earlier, samples=self.samples)
+
+        return jax.vmap(one)(self.x, self.dt, z0, self.before)
 
 
 def make_imposed_batch(recordings: tuple[Recording, ...]) -> ImposedBatch:
@@ -83,15 +108,15 @@ def make_imposed_batch(recordings: tuple[Recording, ...]) -> ImposedBatch:
     forces = [np.asarray(r.force, dtype=float) for r in recordings]
     x, lengths = side_by_side([r.x for r in recordings], block), np.array([r.x.size for r in recordings])
     return ImposedBatch(
-        x=jnp.asarray(x),
-        force=jnp.asarray(side_by_side(forces, block)),
-        valid=jnp.asarray(np.arange(x.shape[1])[None] < lengths[:, None], dtype=float),
-        dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
-        noise=jnp.asarray(force_noise_levels(recordings)),
+        x=x,
+        force=side_by_side(forces, block),
+        valid=np.asarray(np.arange(x.shape[1])[None] < lengths[:, None], dtype=float),
+        dt=np.asarray([1.0 / r.sample_rate for r in recordings]),
+        noise=np.asarray(force_noise_levels(recordings)),
         block=block,
         lengths=lengths,
         before=what_was_before(recordings),
-        ease=jnp.ones(len(recordings)),
+        ease=np.ones(len(recordings)),
     )
 
 

@@ -5,11 +5,10 @@ stiffness and damping by several standard errors where recordings are long. The 
 finer steps, so that the correction costs a few evaluations of the errors themselves.
 """
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic, all_columns
@@ -22,23 +21,21 @@ _ROUNDS = 3
 _LARGEST_CHANGE, _LARGEST_IN_DEVIATIONS = 0.1, 2.0**0.5
 
 
-@eqx.filter_jit
 def _slope(
-    posterior: Posterior, vector: Float[Array, " q"], columns: Float[Array, "q r n"]
-) -> Float[Array, " q"]:
-    """Gradient of the robust cost with finer integration steps, by the `columns` of few steps; held-out recordings
-    determine no parameter."""
-    count, batch = posterior.parameters, posterior.batch
-    e = posterior.recordings.standardised(posterior.drive_of(vector), vector[count:], finer=_SUBSTEPS)
-    scale = posterior.loss.weight(block_power(e, batch))
-    weight = jnp.repeat(scale, batch.block, axis=-1) * posterior.sample_weight
-    fitted = columns.at[:count].multiply(posterior.fitted[0][None, :, None]).reshape(columns.shape[0], -1)
-    return fitted @ (weight * e).ravel() + (vector - posterior.start) * posterior.prior**2
+    posterior: Posterior, vector: Float[np.ndarray, " q"], columns: Float[np.ndarray, "q r n"]
+) -> Float[np.ndarray, " q"]:
+    """Gradient of the robust cost at the integration steps of the `posterior`, by `columns` in which held-out
+    recordings determine no parameter."""
+    e, start, prior = posterior.errors_at([vector])[0], posterior.start, np.asarray(posterior.prior)
+    scale = posterior.loss.weight(block_power(e, posterior.batch))
+    weight = np.repeat(scale, posterior.batch.block, axis=-1) * posterior.sample_weight
+    slope = columns.reshape(len(columns), -1) @ (weight * e).ravel()
+    return slope + (vector - np.asarray(start)) * prior**2
 
 
 def at_finer_steps(
-    posterior: Posterior, vector: Float[Array, " q"], near: Quadratic, evaluation: Evaluation
-) -> tuple[Float[Array, " q"], bool]:
+    posterior: Posterior, vector: Float[Numbers, " q"], near: Quadratic, evaluation: Evaluation
+) -> tuple[Float[np.ndarray, " q"], bool]:
     """The minimum of the robust cost with eight times the integration steps, by Newton steps with the matrix of few.
 
     **Arguments:**
@@ -52,18 +49,19 @@ def at_finer_steps(
     The corrected vector, shape `(q,)`, and whether the steps led away: then, as under an imposed motion, whose runs
     keep their own steps, and where derivatives are not finite, it is `vector` itself.
     """
-    hessian = np.asarray(near.hessian)
+    hessian, vector = np.asarray(near.hessian), np.asarray(vector)
     if posterior.batch.imposed or not np.all(np.isfinite(hessian)):
         return vector, False
-    count, columns = posterior.parameters, all_columns(evaluation)
+    count, fine = posterior.parameters, posterior.with_substeps(_SUBSTEPS * posterior.batch.substeps)
+    columns = np.array(all_columns(evaluation))
+    columns[:count] *= np.asarray(posterior.fitted[0])[:, None]
     inverse = np.linalg.pinv(hessian, hermitian=True)
     # Coordinates that the recordings do not determine stay: the prior alone would draw them to the start.
     determined = np.diag(hessian) > 2.0 * np.asarray(posterior.prior) ** 2
-    now = np.asarray(vector)
+    now = vector
     for _ in range(_ROUNDS):
-        slope = _slope(posterior, jnp.asarray(now), columns)
-        now = now - np.where(determined, inverse @ np.asarray(slope), 0.0)
-    moved = np.abs(now - np.asarray(vector))[:count]
+        now = now - np.where(determined, inverse @ _slope(fine, now, columns), 0.0)
+    moved = np.abs(now - vector)[:count]
     deviations = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     away = not np.all(moved < np.maximum(_LARGEST_CHANGE, _LARGEST_IN_DEVIATIONS * deviations)[:count])
-    return (vector if away else jnp.asarray(now)), away
+    return (vector if away else now), away

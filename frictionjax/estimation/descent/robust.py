@@ -7,7 +7,6 @@ follow on their own.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -91,7 +90,7 @@ def level_out(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, 
 
 
 def _point(posterior: Posterior, vector: Float[Array, " q"]) -> _Point:
-    vector = jnp.asarray(vector)
+    vector = np.asarray(vector)
     return _Point(vector, posterior.evaluated(vector))
 
 
@@ -116,7 +115,7 @@ def _steps(
         now = np.asarray(point.vector)
         proposed = now + _step(posterior, now, near, damping)
         proposed[held_out] = np.clip(proposed[held_out], -1.0, 1.0)
-        there = _point(posterior, jnp.asarray(proposed))
+        there = _point(posterior, proposed)
         near_there = posterior.assembled(there.evaluations, there.vector)
         cost, new = float(near.cost), float(near_there.cost)
         # Half a nat of the cost is one of the misfit.

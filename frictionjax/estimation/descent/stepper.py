@@ -10,7 +10,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from frictionjax.estimation.parameters import numpy_or_jax
+from frictionjax.core.arrays import numpy_or_jax
 
 _LEAST_CURVATURE = 1e-12  # of a coordinate: one without any is not scaled by it
 

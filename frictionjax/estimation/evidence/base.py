@@ -3,11 +3,12 @@
 from abc import abstractmethod
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.data.batch import AbstractBatch
+from frictionjax.estimation.data.pieces import Piece, pieces_of
 from frictionjax.physics import Drive
 
 
@@ -19,19 +20,32 @@ class AbstractEvidence(eqx.Module):
     def rows(self) -> int:
         """Recordings with a starting deflection of their own: coordinates of the fit beside the parameters."""
 
+    @property
+    @abstractmethod
+    def samples(self) -> int:
+        """Samples to which the recordings are padded; 0 for evidence without recordings."""
+
     @abstractmethod
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Errors of `drive` over their standard deviations, 0 where not scored, shape `(b, n)`; `z0` is the starting
         deflection of each row over Fs/sigma0."""
 
+    @abstractmethod
+    def pieces(self) -> tuple[Piece, ...]:
+        """The recordings in pieces of a few fixed shapes; none for evidence without recordings."""
+
+    @abstractmethod
+    def piece(self, piece: Piece) -> "AbstractEvidence":
+        """The evidence of the recordings of a `piece`, of its shape: its errors are not in blocks."""
+
     @property
     @abstractmethod
-    def count(self) -> Float[Array, " b"]:
+    def count(self) -> Float[Numbers, " b"]:
         """Scored numbers in each block, shape `(b,)`."""
 
     @property
     @abstractmethod
-    def log_deviation(self) -> Float[Array, " b"]:
+    def log_deviation(self) -> Float[Numbers, " b"]:
         """Sum of the logarithms of the standard deviations of the scored numbers in each block, shape `(b,)`."""
 
 
@@ -57,24 +71,31 @@ class AbstractRecordings(AbstractEvidence):
         """Recordings."""
         return self.batch.x.shape[0]
 
+    def pieces(self) -> tuple[Piece, ...]:
+        """The recordings in pieces of a few fixed shapes."""
+        return pieces_of(self.batch.lengths)
+
     @property
-    def count(self) -> Float[Array, " b"]:
+    def count(self) -> Float[Numbers, " b"]:
         """Scored samples in each block, shape `(b,)`."""
         return self.batch.block_count.ravel()
 
     @property
-    def log_deviation(self) -> Float[Array, " b"]:
+    def log_deviation(self) -> Float[Numbers, " b"]:
         """Zeros, shape `(b,)`: the noise is not estimated."""
-        return jnp.zeros(self.count.shape)
+        return np.zeros(self.count.shape)
+
+    @property
+    def samples(self) -> int:
+        """Samples to which the recordings are padded."""
+        return self.batch.x.shape[1]
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """The `standardised` errors of `drive`, which starts at `z0`, in blocks."""
         return self.standardised(drive, z0).reshape(-1, self.batch.block)
 
     @abstractmethod
-    def standardised(
-        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
-    ) -> Float[Array, "rows n"]:
+    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
         """Prediction errors of `drive` over what the noise alone makes of them, 0 where not scored, shape `(rows, n)`:
         1 in the mean square for a perfect model, at any sample rate.
 
@@ -82,7 +103,6 @@ class AbstractRecordings(AbstractEvidence):
 
         - `drive`: the `Drive`.
         - `z0`: bristle deflection at the first sample over the break-away deflection Fs/sigma0, shape `(rows,)`.
-        - `finer`: times as many integration steps a sample as the batch has.
         """
 
     @abstractmethod
@@ -90,12 +110,16 @@ class AbstractRecordings(AbstractEvidence):
         """The `standardised` errors of `k` `drives`, leaves of shape `(k, ...)`, that start at `z0`."""
 
     @abstractmethod
+    def with_substeps(self, substeps: int) -> "AbstractRecordings":
+        """The same recordings with so many integration `substeps` a sample. An imposed motion keeps its own."""
+
+    @abstractmethod
     def at_bandwidth(self, bandwidth: float) -> "AbstractRecordings":
         """The same recordings through an observer of `bandwidth` Hz, where there is one."""
 
     @property
     @abstractmethod
-    def largest_derivative(self) -> Float[Array, " rows"]:
+    def largest_derivative(self) -> Float[np.ndarray, " rows"]:
         """Largest derivative of an error by one coordinate that can mean anything, in each recording."""
 
     @abstractmethod
@@ -107,5 +131,5 @@ class AbstractRecordings(AbstractEvidence):
         """Standardised errors that white measurement noise of unit power makes, drawn from `rng`."""
 
     @abstractmethod
-    def without_model(self) -> Float[Array, "rows n"]:
+    def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised errors of a trivial model: what any model has to explain, shape `(rows, n)`."""

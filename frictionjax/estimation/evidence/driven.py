@@ -2,12 +2,13 @@
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.signal import lfilter
 
+from frictionjax.core.arrays import known
 from frictionjax.estimation.data.batch import Batch
+from frictionjax.estimation.data.pieces import Piece, lanes_of
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
@@ -28,12 +29,14 @@ class Observed(AbstractRecordings):
     batch: Batch
     gains: Gains
 
-    def standardised(
-        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
-    ) -> Float[Array, "rows n"]:
+    def piece(self, piece: Piece) -> "Observed":
+        """The recordings of a `piece`, of its shape."""
+        return Observed(self.batch.piece(piece), lanes_of(self.gains, piece))
+
+    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
         """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
-        under the sensor's noise alone; with `finer` times the integration steps a sample."""
-        batch, substeps = self.batch, finer * self.batch.substeps
+        under the sensor's noise alone."""
+        batch = self.batch
 
         def one(
             u: Float[Array, " n"],
@@ -42,7 +45,8 @@ class Observed(AbstractRecordings):
             gains: Gains,
             start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
         ) -> Float[Array, " n"]:
-            return innovations(drive, drive.applied_force(u, dt), x, dt, gains, start, substeps=substeps)
+            force = drive.applied_force(u, dt)
+            return innovations(drive, force, x, dt, gains, start, substeps=batch.steps, samples=batch.samples)
 
         raw = batch.each(one, self.gains, z0 * drive.friction.Fs / drive.friction.sigma0)
         return raw / (batch.noise * innovation_gain(self.gains))[:, None] * batch.valid
@@ -53,21 +57,32 @@ class Observed(AbstractRecordings):
         deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
         start = (batch.x0, batch.v0, deflection, batch.before)
         raw = innovations_side_by_side(
-            drives, batch.u, batch.x, batch.dt, self.gains, start, substeps=batch.substeps
+            drives,
+            batch.u,
+            batch.x,
+            batch.dt,
+            self.gains,
+            start,
+            substeps=batch.steps,
+            samples=batch.samples,
         )
         return raw / (batch.noise * innovation_gain(self.gains))[None, :, None] * batch.valid[None]
+
+    def with_substeps(self, substeps: int) -> "Observed":
+        """The same recordings with so many integration `substeps` a sample."""
+        return Observed(self.batch.with_substeps(substeps), self.gains)
 
     def at_bandwidth(self, bandwidth: float) -> "Observed":
         """The same recordings through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
         return observed(self.batch, bandwidth)
 
     @property
-    def largest_derivative(self) -> Float[Array, " rows"]:
+    def largest_derivative(self) -> Float[np.ndarray, " rows"]:
         """So many times the largest innovation without a model: no parameter can do more than replace the whole motion
         by another."""
-        return jnp.asarray(_EXPLODED * np.max(np.abs(np.asarray(self.without_model())), axis=1))
+        return _EXPLODED * np.max(np.abs(self.without_model()), axis=1)
 
-    def without_model(self) -> Float[Array, "rows n"]:
+    def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of an observer that expects every machine to keep its speed.
 
         With a double pole p it leaves (1 - q)^2 / (1 - p q)^2 of the position, q being the unit delay: the acceleration
@@ -84,11 +99,11 @@ class Observed(AbstractRecordings):
             lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own)
             for pole, own in zip(poles, x - travel, strict=True)
         ]
-        return jnp.asarray(np.stack(left) / unit[:, None] * np.asarray(batch.valid))
+        return np.stack(left) / unit[:, None] * np.asarray(batch.valid)
 
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Observed":
         """The same positions with `more` input, held over each sample."""
-        return Observed(dataclasses.replace(self.batch, u=self.batch.u + jnp.asarray(more)), self.gains)
+        return Observed(dataclasses.replace(self.batch, u=np.asarray(self.batch.u) + more), self.gains)
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
@@ -104,4 +119,5 @@ class Observed(AbstractRecordings):
 
 def observed(batch: Batch, bandwidth: float) -> Observed:
     """The recordings of `batch` through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
-    return Observed(batch, observer_gains(jnp.minimum(bandwidth, 0.1 / batch.dt), batch.dt))
+    xp, (dt,) = known(batch.dt)
+    return Observed(batch, observer_gains(xp.minimum(bandwidth, 0.1 / dt), dt))

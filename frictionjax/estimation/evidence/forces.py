@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
+from frictionjax.core.arrays import Numbers, known
+from frictionjax.estimation.data.pieces import Piece, lanes_of, padded, pieces_of
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
@@ -23,18 +25,42 @@ class Forces(AbstractMeasurement):
 
     **Attributes:** `x` (position units), `force`, `valid` (1 where scored), shape `(r, n)`; `dt` (s), `noise` of the
     force and `known`, the same where it is given and else nan, shape `(r,)`; `block` (samples), `lengths` (samples of
-    each recording), `substeps` per sample.
+    each recording), `substeps` per sample, `run_along`: so many samples
+    (of a piece; None: all).
     """
 
-    x: Float[Array, "r n"]
-    force: Float[Array, "r n"]
-    valid: Float[Array, "r n"]
-    dt: Float[Array, " r"]
-    noise: Float[Array, " r"]
-    known: Float[Array, " r"]
+    x: Float[Numbers, "r n"]
+    force: Float[Numbers, "r n"]
+    valid: Float[Numbers, "r n"]
+    dt: Float[Numbers, " r"]
+    noise: Float[Numbers, " r"]
+    known: Float[Numbers, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     substeps: int = eqx.field(static=True, default=1)
+    run_along: Int[Numbers, ""] | None = None
+
+    @property
+    def samples(self) -> int:
+        """Samples to which the recordings are padded."""
+        return self.x.shape[1]
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The recordings in pieces of a few fixed shapes."""
+        return pieces_of(self.lengths)
+
+    def piece(self, piece: Piece) -> "Forces":
+        """The recordings of a `piece`, of its shape; their motion goes on with its last velocity."""
+        return Forces(
+            x=padded(self.x, piece, "line"),
+            force=padded(self.force, piece),
+            valid=padded(self.valid, piece, "zero"),
+            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "known")}, piece),
+            block=1,
+            lengths=self.lengths[piece.lanes],
+            substeps=self.substeps,
+            run_along=np.asarray(piece.samples),
+        )
 
     @property
     def rows(self) -> int:
@@ -42,21 +68,23 @@ class Forces(AbstractMeasurement):
         return self.x.shape[0]
 
     @property
-    def count(self) -> Float[Array, " b"]:
+    def count(self) -> Float[Numbers, " b"]:
         """Scored samples in each block, shape `(b,)`."""
-        return jnp.sum(self.valid.reshape(-1, self.block), axis=1)
+        xp, (valid,) = known(self.valid)
+        return xp.sum(valid.reshape(-1, self.block), axis=1)
 
     @property
-    def log_deviation(self) -> Float[Array, " b"]:
+    def log_deviation(self) -> Float[Numbers, " b"]:
         """Sum of the logarithms of the noise of the scored samples in each block, shape `(b,)`."""
-        return jnp.sum((self.valid * jnp.log(self.noise)[:, None]).reshape(-1, self.block), axis=1)
+        xp, (valid, noise) = known(self.valid, self.noise)
+        return xp.sum((valid * xp.log(noise)[:, None]).reshape(-1, self.block), axis=1)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Modelled less measured force of `drive` over its noise, shape `(b, n)`; `z0` over Fs/sigma0."""
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
         def one(x: Float[Array, " n"], dt: Float[Array, ""], z: Float[Array, ""]) -> Float[Array, " n"]:
-            return imposed_friction(drive, x, dt, z, substeps=self.substeps)
+            return imposed_friction(drive, x, dt, z, substeps=self.substeps, samples=self.run_along)
 
         raw = jax.vmap(one)(self.x, self.dt, deflection) - self.force
         return (raw / self.noise[:, None] * self.valid).reshape(-1, self.block)
@@ -77,16 +105,16 @@ class Forces(AbstractMeasurement):
         return eqx.tree_at(lambda e: e.force, self, drawn)
 
 
-def make_forces(recordings: tuple[Recording, ...], known: tuple[float | None, ...] | None = None) -> Forces:
+def make_forces(recordings: tuple[Recording, ...], given: tuple[float | None, ...] | None = None) -> Forces:
     """Motion-driven `recordings` side by side in `Forces`; their first noise is that of the force's fourth differences,
-    or more. `known`: noise of each that is given, or None."""
+    or more. `given`: noise of each that is known, or None."""
     rate = float(np.median([r.sample_rate for r in recordings]))
     block = max(round(_BLOCK * rate), 8)
     longest = max(r.x.size for r in recordings)
-    padded = -(-longest // block) * block
+    whole = -(-longest // block) * block
 
-    def side_by_side(channels: list[Float[np.ndarray, "..."]]) -> Float[Array, "r n"]:
-        return jnp.asarray(np.stack([np.pad(c, (0, padded - c.size), mode="edge") for c in channels]))
+    def side_by_side(channels: list[Float[np.ndarray, "..."]]) -> Float[np.ndarray, "r n"]:
+        return np.stack([np.pad(c, (0, whole - c.size), mode="edge") for c in channels])
 
     forces = [np.asarray(r.force) for r in recordings]
     lengths = np.array([r.x.size for r in recordings])
@@ -94,14 +122,14 @@ def make_forces(recordings: tuple[Recording, ...], known: tuple[float | None, ..
         max(float(np.std(np.diff(f, 4))) / np.sqrt(70.0), _FIRST_NOISE * float(np.std(f)), 1e-300)
         for f in forces
     ]
-    given = [np.nan if level is None else level for level in known or (None,) * len(forces)]
+    levels = [np.nan if level is None else level for level in given or (None,) * len(forces)]
     return Forces(
         x=side_by_side([r.x for r in recordings]),
         force=side_by_side(forces),
-        valid=jnp.asarray(np.arange(padded)[None] < lengths[:, None], dtype=float),
-        dt=jnp.asarray([1.0 / r.sample_rate for r in recordings]),
-        noise=jnp.asarray(noise),
-        known=jnp.asarray(given, dtype=float),
+        valid=np.asarray(np.arange(whole)[None] < lengths[:, None], dtype=float),
+        dt=np.asarray([1.0 / r.sample_rate for r in recordings]),
+        noise=np.asarray(noise),
+        known=np.asarray(levels, dtype=float),
         block=block,
         lengths=lengths,
     )

@@ -1,11 +1,11 @@
 """Friction forces under an imposed motion, with a known noise level: evidence of a diagnosis."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
+from frictionjax.estimation.data.pieces import Piece
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 
@@ -18,27 +18,32 @@ class Imposed(AbstractRecordings):
 
     batch: ImposedBatch
 
-    def standardised(
-        self, drive: Drive, z0: Float[Array, " rows"], *, finer: int = 1
-    ) -> Float[Array, "rows n"]:
-        """Measured less modelled force of `drive`, which starts at `z0` (over Fs/sigma0), over its noise; runs along an
-        imposed motion choose their own steps, whatever `finer` says."""
+    def piece(self, piece: Piece) -> "Imposed":
+        """The recordings of a `piece`, of its shape."""
+        return Imposed(self.batch.piece(piece))
+
+    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
+        """Measured less modelled force of `drive`, which starts at `z0` (over Fs/sigma0), over its noise."""
         batch = self.batch
-        errors = batch.force - batch.run(drive, z0 * drive.friction.Fs / drive.friction.sigma0)[2]
+        errors = batch.force - batch.along(drive, z0 * drive.friction.Fs / drive.friction.sigma0)[2]
         return errors / (batch.ease * batch.noise)[:, None] * batch.valid
 
     def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
         """The same of `k` `drives`, which start at `z0`."""
         return jax.vmap(self.standardised)(drives, z0)
 
+    def with_substeps(self, substeps: int) -> "Imposed":
+        """The same: runs along an imposed motion choose their own `substeps`."""
+        return self
+
     def at_bandwidth(self, bandwidth: float) -> "Imposed":
         """The same, whatever the `bandwidth`: there is no observer."""
         return self
 
     @property
-    def largest_derivative(self) -> Float[Array, " rows"]:
+    def largest_derivative(self) -> Float[np.ndarray, " rows"]:
         """Infinite: the motion does not depend on the model."""
-        return jnp.full(self.batch.dt.shape, jnp.inf)
+        return np.full(self.batch.dt.shape, np.inf)
 
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Imposed":
         """The same: no input acts on an imposed motion, so that `more` of it changes nothing."""
@@ -48,8 +53,8 @@ class Imposed(AbstractRecordings):
         """White noise from `rng`: nothing filters it."""
         return rng.standard_normal(self.batch.x.shape)
 
-    def without_model(self) -> Float[Array, "rows n"]:
+    def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised errors of a constant friction force."""
-        batch = self.batch
-        mean = jnp.sum(batch.force * batch.valid, axis=1) / jnp.sum(batch.valid, axis=1)
+        batch = jax.device_get(self.batch)
+        mean = np.sum(batch.force * batch.valid, axis=1) / np.sum(batch.valid, axis=1)
         return (batch.force - mean[:, None]) / (batch.noise * batch.ease)[:, None] * batch.valid

@@ -9,10 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
+from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.batch import Batch
+from frictionjax.estimation.data.pieces import Piece, padded, pieces_of
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with
+from frictionjax.simulation.ros2 import Substeps
 
 _HEAD = 0.01  # s: what `make_batch` reads the first position and velocity from
 _WIDE = 3.0  # times the standard deviation of that reading: nearly no prior, so that no sample counts twice
@@ -39,14 +42,34 @@ class Positions(AbstractMeasurement):
         return self.batch.x.shape[0]
 
     @property
-    def count(self) -> Float[Array, " b"]:
+    def samples(self) -> int:
+        """Samples to which the recordings are padded."""
+        return self.batch.x.shape[1]
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The recordings in pieces of a few fixed shapes."""
+        return pieces_of(self.batch.lengths)
+
+    def piece(self, piece: Piece) -> "Positions":
+        """The recordings of a `piece`, of its shape."""
+        batch = self.batch.with_substeps(self.substeps).piece(piece)
+        return Positions(batch, padded(self.gain, piece), padded(self.deviation, piece), 0)
+
+    @property
+    def count(self) -> Float[Numbers, " b"]:
         """Scored samples in each block, shape `(b,)`."""
         return self.batch.block_count.ravel()
 
     @property
-    def log_deviation(self) -> Float[Array, " b"]:
+    def log_deviation(self) -> Float[Numbers, " b"]:
         """Sum of the logarithms of the standard deviations of the scored samples in each block, shape `(b,)`."""
-        return jnp.sum((self.batch.valid * jnp.log(self.deviation)).reshape(-1, self.batch.block), axis=1)
+        xp, (valid, deviation) = known(self.batch.valid, self.deviation)
+        return xp.sum((valid * xp.log(deviation)).reshape(-1, self.batch.block), axis=1)
+
+    @property
+    def steps(self) -> Substeps:
+        """Integration steps a sample."""
+        return self.substeps if self.batch.run is None else self.batch.run.substeps
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Prediction errors of `drive` over their standard deviations, shape `(b, n)`; `z0` over Fs/sigma0."""
@@ -63,7 +86,8 @@ class Positions(AbstractMeasurement):
             gain: Float[Array, "n m"],
         ) -> Float[Array, " n"]:
             force = drive.applied_force(u, dt)
-            return predicted_with(drive, force, x, dt, gain, (x0, v0, z), substeps=self.substeps)
+            steps, samples = self.steps, batch.samples
+            return predicted_with(drive, force, x, dt, gain, (x0, v0, z), substeps=steps, samples=samples)
 
         raw = jax.vmap(one)(batch.u, batch.x, batch.dt, batch.x0, batch.v0, deflection, self.gain)
         return (raw / self.deviation * batch.valid).reshape(-1, batch.block)
@@ -107,7 +131,7 @@ class Noise(eqx.Module):
 def scored_from_the_start(batch: Batch) -> Batch:
     """The same `batch` with every sample scored: the variance of a Kalman filter covers its start."""
     inside = np.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
-    return eqx.tree_at(lambda b: b.valid, batch, jnp.asarray(inside, dtype=float))
+    return eqx.tree_at(lambda b: b.valid, batch, np.asarray(inside, dtype=float))
 
 
 def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Int[Array, ""]) -> Float[Array, ""]:

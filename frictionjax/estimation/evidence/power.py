@@ -1,26 +1,20 @@
 """Power of standardised errors in blocks, and sums over clusters of blocks."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
 
 
-def block_power(e: Float[Array, "r n"], batch: AbstractBatch) -> Float[Array, "r b"]:
-    """Mean square of the standardised errors in each block, shape `(r, b)`."""
+def block_power(e: Float[Numbers, "*k r n"], batch: AbstractBatch) -> Float[Numbers, "*k r b"]:
+    """Mean square of the standardised errors in each block, of one model or of several, shape `(..., r, b)`."""
+    _, (e,) = known(e)
     return batch.block_mean(e * e)
 
 
-@eqx.filter_jit
-def lane_powers(e: Float[Array, "k r n"], batch: AbstractBatch) -> Float[Array, "k r b"]:
-    """The `block_power` of several models' errors."""
-    return jax.vmap(lambda lane: block_power(lane, batch))(e)
-
-
-def sum_clusters(values: Float[Array, "q r n"], block: int, blocks: int = CLUSTER) -> Float[Array, "c q"]:
+def sum_clusters(values: Float[Numbers, "q r n"], block: int, blocks: int = CLUSTER) -> Float[Numbers, "c q"]:
     """Sums of `values` over clusters of `blocks` blocks of `block` samples, shape `(c, q)`; none across recordings."""
+    xp, (values,) = known(values)
     length = block * blocks
-    padded = jnp.pad(values, ((0, 0), (0, 0), (0, -values.shape[-1] % length)))
-    return padded.reshape(values.shape[0], -1, length).sum(-1).T
+    whole = xp.pad(values, ((0, 0), (0, 0), (0, -values.shape[-1] % length)))
+    return whole.reshape(values.shape[0], -1, length).sum(-1).T

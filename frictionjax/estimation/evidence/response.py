@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Key
 
+from frictionjax.core.arrays import Numbers, known
+from frictionjax.estimation.data.pieces import Piece
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.frequency import FRF
 from frictionjax.frequency.second_order import Lines, sampled_response
@@ -31,14 +33,28 @@ class Response(AbstractMeasurement):
         return 0
 
     @property
-    def count(self) -> Float[Array, " b"]:
-        """One number in each block, shape `(2 nf,)`."""
-        return jnp.ones(2 * self.deviation.shape[0])
+    def samples(self) -> int:
+        """0: there are no recordings."""
+        return 0
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """None: there are no recordings."""
+        return ()
+
+    def piece(self, piece: Piece) -> "Response":
+        """The same: it is one whole."""
+        return self
 
     @property
-    def log_deviation(self) -> Float[Array, " b"]:
+    def count(self) -> Float[np.ndarray, " b"]:
+        """One number in each block, shape `(2 nf,)`."""
+        return np.ones(2 * self.deviation.shape[0])
+
+    @property
+    def log_deviation(self) -> Float[Numbers, " b"]:
         """Logarithms of the deviations of real and imaginary parts, shape `(2 nf,)`."""
-        return jnp.tile(jnp.log(self.deviation), 2)
+        xp, (deviation,) = known(self.deviation)
+        return xp.tile(xp.log(deviation), 2)
 
     def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
         """Real and imaginary parts of modelled less measured response over their deviation, shape `(2 nf, 1)`; for

@@ -3,9 +3,9 @@
 from abc import abstractmethod
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.core.safe import real
 
 
@@ -13,24 +13,24 @@ class AbstractLoss(eqx.Module):
     """Cost rho of the mean square b of a block: the whole is 1/2 sum of n rho(b), n samples in it; rho is concave."""
 
     @abstractmethod
-    def cost(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho(b), without unit, for blocks of mean square `power`; 0 at 0."""
 
     @abstractmethod
-    def weight(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def weight(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """d rho / db at `power`: the weight of each square."""
 
 
 class Gaussian(AbstractLoss):
     """rho = b: least squares. Right when the noise is known and the model holds everywhere."""
 
-    def cost(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho = b, for `power` b."""
         return power
 
-    def weight(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def weight(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """1, whatever the `power`."""
-        return jnp.ones_like(power)
+        return numpy_or_jax(power).ones_like(power)
 
 
 class Cauchy(AbstractLoss):
@@ -41,13 +41,15 @@ class Cauchy(AbstractLoss):
 
     knee: Float[Array, ""] = eqx.field(converter=real, default=1.0)
 
-    def cost(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho(b), for `power` b."""
-        return (1.0 + self.knee) * jnp.log1p(power / self.knee)
+        xp, (power, knee) = known(power, self.knee)
+        return (1.0 + knee) * xp.log1p(power / knee)
 
-    def weight(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def weight(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """(1 + t^2) / (b + t^2), for `power` b: 1 for a block at the noise."""
-        return (1.0 + self.knee) / (power + self.knee)
+        _, (power, knee) = known(power, self.knee)
+        return (1.0 + knee) / (power + knee)
 
 
 class Huber(AbstractLoss):
@@ -58,11 +60,13 @@ class Huber(AbstractLoss):
 
     knee: Float[Array, ""] = eqx.field(converter=real, default=4.0)
 
-    def cost(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho(b), for `power` b."""
-        beyond = jnp.maximum(power, self.knee)
-        return jnp.where(power < self.knee, power, 2.0 * jnp.sqrt(self.knee * beyond) - self.knee)
+        xp, (power, knee) = known(power, self.knee)
+        beyond = xp.maximum(power, knee)
+        return xp.where(power < knee, power, 2.0 * xp.sqrt(knee * beyond) - knee)
 
-    def weight(self, power: Float[Array, "..."]) -> Float[Array, "..."]:
+    def weight(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """1 up to the scale t^2, then t / sqrt(b), for `power` b."""
-        return jnp.sqrt(self.knee / jnp.maximum(power, self.knee))
+        xp, (power, knee) = known(power, self.knee)
+        return xp.sqrt(knee / xp.maximum(power, knee))

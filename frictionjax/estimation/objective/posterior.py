@@ -1,8 +1,8 @@
 """The objective of a fit: the loss of all evidence, the weak prior, and the priors that a user gives.
 
-One objective for `fit` and `diagnose`. A fit evaluates it inside its compiled descent. A diagnosis evaluates it step by
-step: simulation and products are compiled apart, since the first is long and there is one for each structure, and the
-second is short and the same for all structures with as many parameters.
+One objective for `fit` and `diagnose`. Many fits side by side evaluate it inside their compiled descent. A single fit
+and a diagnosis evaluate it step by step: simulations and their derivatives are compiled, one program a structure,
+whatever the number and the length of the recordings (`data/pieces.py`); NumPy makes the products.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.constraints import Constraints, belief_residuals
 from frictionjax.estimation.data.batch import AbstractBatch, rows_of
+from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings, Observed, Positions
-from frictionjax.estimation.evidence.power import lane_powers
+from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.loss import AbstractLoss
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.quadratic import (
@@ -53,6 +55,21 @@ class _Prior(NamedTuple):
     vector: Float[Array, " q"]
     start: Float[Array, " q"]
     stiffness: Float[Array, " q"]
+
+
+class Model(eqx.Module):
+    """What turns free parameters into a `Drive`.
+
+    **Attributes:** `constraints`, `drive` (structure and fixed parameters), `centre` of the admissible ranges, `(p,)`.
+    """
+
+    constraints: Constraints
+    drive: Drive
+    centre: Float[Numbers, " p"]
+
+    def drive_of(self, parameters: Float[Array, " p"]) -> Drive:
+        """The `Drive` of these free `parameters`, shape `(p,)`."""
+        return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
 
 
 class Posterior(AbstractObjective):
@@ -106,36 +123,44 @@ class Posterior(AbstractObjective):
     @property
     def log_deviation(self) -> Float[Array, ""]:
         """What the noise adds to the cost: sum of the logarithms of all standard deviations, weighted as the errors."""
-        return sum(
-            (weight @ one.log_deviation for one, weight in zip(self.evidence, self.weights, strict=True)),
-            start=jnp.zeros(()),
+        xp, weights = known(self.weights)
+        return xp.asarray(
+            sum(weight @ one.log_deviation for one, weight in zip(self.evidence, weights[0], strict=True))
         )
+
+    @property
+    def model(self) -> Model:
+        """What turns its parameters into a `Drive`."""
+        _, (start,) = known(self.start)
+        return Model(self.constraints, self.drive, start[: self.parameters])
 
     def drive_of(self, vector: Float[Array, " q"]) -> Drive:
         """The `Drive` of a free vector, shape `(q,)`."""
-        count = self.parameters
-        free = unpack(self.layout, self.drive, vector[:count], self.start[:count])
-        return self.constraints.tied(free)
+        _, (vector,) = known(vector)
+        return self.model.drive_of(vector[: self.parameters])
 
     def deflections_of(self, vector: Float[Array, " q"], index: int) -> Float[Array, " rows"]:
         """Starting deflections, over Fs/sigma0, of the recordings of evidence number `index`."""
+        _, (vector,) = known(vector)
         place = self.places[index]
         return vector[place.first : place.first + place.rows]
 
     def within(self, vector: Float[Array, " q"]) -> Float[Array, " q"]:
         """`vector`, shape `(q,)`, with coordinates beyond an end of their range at that end: further out the cost is
         constant, and they would never come back."""
+        xp, (vector, start) = known(vector, self.start)
         count = self.parameters
-        free = unpack(self.layout, self.drive, vector[:count], self.start[:count])
-        return jnp.concatenate([pack(self.layout, free), jnp.clip(vector[count:], -1.0, 1.0)])
+        free = unpack(self.layout, self.drive, vector[:count], start[:count])
+        return xp.concatenate([pack(self.layout, free), xp.clip(vector[count:], -1.0, 1.0)])
 
     def reaching(self, vector: Float[Array, " q"]) -> "Posterior":
         """The same, with the range of a coordinate that is at its end at `vector`, shape `(q,)`, centred there: a
         descent from a bad start may have further to go. Works inside transformations."""
+        xp, (vector, start) = known(vector, self.start)
         count = self.parameters
-        ends = touching(self.layout, vector[:count], self.start[:count], margin=2.0 * INSIDE)
-        ends = jnp.pad(jnp.asarray(ends), (0, vector.shape[0] - count))
-        return eqx.tree_at(lambda p: p.start, self, jnp.where(ends, vector, self.start))
+        ends = touching(self.layout, vector[:count], start[:count], margin=2.0 * INSIDE)
+        ends = xp.pad(xp.asarray(ends), (0, vector.shape[0] - count))
+        return eqx.tree_at(lambda p: p.start, self, xp.where(ends, vector, start))
 
     def errors(self, vector: Float[Array, " q"], index: int) -> Float[Array, "b n"]:
         """Errors over their standard deviations of evidence number `index`, shape `(b, n)`, at `vector`."""
@@ -168,31 +193,59 @@ class Posterior(AbstractObjective):
         parameter can do more than replace the whole motion by another: beyond the ceiling a block is not sound. A
         starting deflection can: its range is far more than a machine in stick moves.
         """
-        ceiling, rows = self.ceilings[index], columns.shape[1]
+        xp, (ceiling, columns) = known(self.ceilings[index], columns)
+        rows = columns.shape[1]
         blocks = self.evidence[index].count.shape[0] // rows
         if ceiling is None:
-            return jnp.ones((rows, blocks), dtype=bool)
+            return xp.ones((rows, blocks), dtype=bool)
         # Each by itself: a maximum may skip what is not a number.
-        bounded = jnp.all(jnp.abs(columns[: self.parameters]) <= ceiling[None, :, None], axis=0)
-        bounded = bounded & (jnp.abs(columns[-1]) < _SQUARED)
-        return jnp.all(bounded.reshape(rows, blocks, -1), axis=-1)
+        bounded = xp.all(xp.abs(columns[: self.parameters]) <= ceiling[None, :, None], axis=0)
+        bounded = bounded & (xp.abs(columns[-1]) < _SQUARED)
+        return xp.all(bounded.reshape(rows, blocks, -1), axis=-1)
 
     def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
         """The cost near `vector`, shape `(q,)`."""
         parts = self._parts(self.evaluate(vector))
         return _total(parts, self.places, self._prior(vector)) + self._beliefs(vector)
 
-    # Step by step, as in a diagnosis: each of these is a compiled call.
+    # Step by step, as in a single fit and in a diagnosis.
 
-    def evaluated(self, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
-        """`evaluate`, compiled: one program for each structure."""
-        return _evaluated(self, jnp.asarray(vector))
+    def evaluated(self, vector: Float[Numbers, " q"]) -> tuple[Evaluation, ...]:
+        """`evaluate` piece by piece: one program for each structure."""
+        _, (vector,) = known(vector)
+        found = []
+        for index, one in enumerate(self.evidence):
+            e, columns = self._with_slopes(one, vector[: self.parameters], self.deflections_of(vector, index))
+            count = np.asarray(one.count)
+            with _overflowing():
+                squares = np.sum((e * e).reshape(count.size, -1), axis=1)
+                power = (squares / np.maximum(count, 1.0)).reshape(e.shape[0], -1)
+                found.append(Evaluation(e, power, columns, self.sound_blocks(index, columns)))
+        return tuple(found)
 
-    def assembled(self, evaluations: tuple[Evaluation, ...], vector: Float[Array, " q"]) -> Quadratic:
-        """The cost near `vector`, of what was evaluated there: one program for all structures with as many
-        parameters."""
-        total = _assembled(self._parts(evaluations), self.places, self._prior(vector))
-        return total + _beliefs(self, vector) if self.constraints.beliefs else total
+    def _with_slopes(
+        self, evidence: AbstractEvidence, parameters: Float[np.ndarray, " p"], z0: Float[np.ndarray, " rows"]
+    ) -> tuple[Float[np.ndarray, "r n"], Float[np.ndarray, "k r n"]]:
+        """Errors of the `evidence` and their derivatives, as in an `Evaluation`."""
+        if not evidence.rows:
+            e, columns = _piece_with_slopes(self.model, evidence, parameters, z0)
+            return np.asarray(e), np.asarray(columns)
+        parts = [
+            (piece, *_piece_with_slopes(self.model, evidence.piece(piece), parameters, z0[piece.lanes]))
+            for piece in evidence.pieces()
+        ]
+        size = (evidence.rows, evidence.samples)
+        e = put_together([(piece, e) for piece, e, _ in parts], *size)
+        return e, put_together([(piece, columns) for piece, _, columns in parts], *size, axis=1)
+
+    def assembled(self, evaluations: tuple[Evaluation, ...], vector: Float[Numbers, " q"]) -> Quadratic:
+        """The cost near `vector`, of what was evaluated there."""
+        with _overflowing():
+            total = _total(self._parts(evaluations), self.places, self._prior(vector))
+        if not self.constraints.beliefs:
+            return total
+        own = self._beliefs(vector) if numpy_or_jax(vector) is jnp else jax.device_get(_beliefs(self, vector))
+        return total + own
 
     def near(self, vector: Float[Array, " q"]) -> Quadratic:
         """The cost near `vector`, evaluated and assembled."""
@@ -201,15 +254,13 @@ class Posterior(AbstractObjective):
     def curvatures(self, evaluations: tuple[Evaluation, ...]) -> tuple[Float[np.ndarray, "_ q q"], ...]:
         """The part that each cluster has in the Gauss-Newton matrix, evidence by evidence; without the prior, which is
         in no cluster, they add up to it."""
-        return tuple(
-            spread_out(
-                np.asarray(cluster_curvatures(one, self.loss, weight, place, fitted)),
-                place,
+        with _overflowing():
+            return tuple(
+                spread_out(np.asarray(cluster_curvatures(one, self.loss, weight, place, fitted)), place)
+                for one, weight, place, fitted in zip(
+                    evaluations, self.weights, self.places, self.fitted, strict=True
+                )
             )
-            for one, weight, place, fitted in zip(
-                evaluations, self.weights, self.places, self.fitted, strict=True
-            )
-        )
 
     def _parts(self, evaluations: tuple[Evaluation, ...]) -> "_Parts":
         counts = tuple(one.count for one in self.evidence)
@@ -245,7 +296,7 @@ class Posterior(AbstractObjective):
     def sample_weight(self) -> Float[Array, "r n"]:
         """Weight of the block that each sample of the recordings is in."""
         batch = self.batch
-        return jnp.repeat(self.weights[0].reshape(batch.x.shape[0], -1), batch.block, axis=1)
+        return np.repeat(np.asarray(self.weights[0]).reshape(batch.x.shape[0], -1), batch.block, axis=1)
 
     def at_bandwidth(self, bandwidth: float) -> "Posterior":
         """The same, through an observer of `bandwidth` Hz."""
@@ -258,26 +309,36 @@ class Posterior(AbstractObjective):
         kept = np.concatenate([np.arange(count), count + rows])
         evidence, fitted, ceilings = rows_of((self.recordings, self.fitted[0], self.ceilings[0]), rows)
         weights = np.asarray(self.weights[0]).reshape(self.recordings.rows, -1)[rows].ravel()
-        start, prior, vector = rows_of((self.start, self.prior, jnp.asarray(vector)), kept)
-        own = (start, prior, (evidence,), (jnp.asarray(weights),), (fitted,), (ceilings,))
+        start, prior, vector = rows_of((self.start, self.prior, vector), kept)
+        own = (start, prior, (evidence,), (weights,), (fitted,), (ceilings,))
         posterior = eqx.tree_at(
             lambda p: (p.start, p.prior, p.evidence, p.weights, p.fitted, p.ceilings), self, own
         )
         return posterior, vector
 
-    def errors_at(self, vectors: Sequence[Float[Array, " q"]]) -> Float[Array, "k r n"]:
-        """Standardised errors for each of `vectors`, shape `(k, r, n)`, some at a time."""
-        found = []
-        for first in range(0, len(vectors), LANES):
-            some = list(vectors[first : first + LANES])
-            padded = some + [some[-1]] * (LANES - len(some))
-            stack = jnp.stack([jnp.asarray(v) for v in padded])
-            found.append(_lanes(self, stack)[: len(some)])
-        return jnp.concatenate(found)
+    def with_substeps(self, substeps: int) -> "Posterior":
+        """The same, with so many integration `substeps` a sample."""
+        return eqx.tree_at(lambda p: p.evidence, self, (self.recordings.with_substeps(substeps),))
 
-    def powers(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, "k r b"]:
+    def errors_at(self, vectors: Sequence[Float[Numbers, " q"]]) -> Float[np.ndarray, "k r n"]:
+        """Standardised errors for each of `vectors`, shape `(k, r, n)`, some at a time."""
+        recordings, count, found = self.recordings, self.parameters, []
+        for first in range(0, len(vectors), LANES):
+            some = np.stack([np.asarray(v) for v in vectors[first : first + LANES]])
+            lanes = LANES if len(some) > 1 else 1
+            stack = np.concatenate([some, np.repeat(some[-1:], lanes - len(some), axis=0)])
+            parts = []
+            for piece in recordings.pieces():
+                z0 = stack[:, count:][:, piece.lanes]
+                e = _piece_lanes(self.model, recordings.piece(piece), stack[:, :count], z0)
+                parts.append((piece, np.asarray(e)[: len(some)]))
+            found.append(put_together(parts, recordings.rows, recordings.samples, axis=1))
+        return np.concatenate(found)
+
+    def powers(self, vectors: Sequence[Float[Numbers, " q"]]) -> Float[np.ndarray, "k r b"]:
         """Block powers of the standardised errors for each of `vectors`, shape `(k, r, b)`."""
-        return np.asarray(lane_powers(self.errors_at(vectors), self.batch))
+        with _overflowing():
+            return block_power(self.errors_at(vectors), self.batch)
 
     def misfits(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, " k"]:
         """Robust misfit per sample of the fitted recordings for each of `vectors`: 0 when every block is at the noise;
@@ -286,15 +347,39 @@ class Posterior(AbstractObjective):
         return np.array([misfit_of(power, fitted, self.batch) for power in self.powers(vectors)])
 
 
+def _overflowing() -> np.errstate:
+    """Where a run may overflow: what follows from it is not finite, and is asked for that."""
+    return np.errstate(over="ignore", invalid="ignore")
+
+
 # Higher levels of XLA compile for longer, and the loop is no faster for it.
 @eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
-def _evaluated(posterior: Posterior, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
-    return posterior.evaluate(vector)
+def _piece_with_slopes(
+    model: Model, evidence: AbstractEvidence, parameters: Float[Array, " p"], z0: Float[Array, " w"]
+) -> tuple[Float[Array, "w n"], Float[Array, "k w n"]]:
+    """Errors of a piece of evidence, and the columns of their derivatives by the parameters and by each own starting
+    deflection."""
+    count, rows = parameters.shape[0], z0.shape[0]
+
+    def errors(parameters: Float[Array, " p"], z0: Float[Array, " w"]) -> Float[Array, "w n"]:
+        return evidence.errors(model.drive_of(parameters), z0).reshape(max(rows, 1), -1)
+
+    def column(way: Float[Array, " k"]) -> tuple[Float[Array, "w n"], Float[Array, "w n"]]:
+        # A starting deflection moves its own recording only, so one column serves all of them.
+        return jax.jvp(errors, (parameters, z0), (way[:count], way[-1] * jnp.ones(rows)))
+
+    return jax.vmap(column, out_axes=(None, 0))(jnp.eye(count + (rows > 0), count + 1))
 
 
 @eqx.filter_jit
-def _assembled(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic:
-    return _total(parts, places, prior)
+def _piece_lanes(
+    model: Model,
+    recordings: AbstractRecordings,
+    parameters: Float[Array, "k p"],
+    z0: Float[Array, "k w"],
+) -> Float[Array, "k w n"]:
+    """Standardised errors of a piece for each of k vectors."""
+    return recordings.side_by_side(jax.vmap(model.drive_of)(parameters), z0)
 
 
 @eqx.filter_jit
@@ -304,11 +389,12 @@ def _beliefs(posterior: Posterior, vector: Float[Array, " q"]) -> Quadratic:
 
 def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic:
     """The cost of all evidence and of the weak prior."""
+    xp, (parts, prior) = known(parts, prior)
     (evaluations, counts, weights, loss, fitted), (vector, start, stiff) = parts, prior
     off, size = (vector - start) * stiff, vector.shape[0]
     # The starting deflection of a held-out recording is fitted to it, but is no part of the fit's cost.
-    counted = jnp.concatenate([jnp.ones(size - sum(place.rows for place in places)), *_rows(fitted, places)])
-    total = Quadratic(0.5 * jnp.sum(counted * off**2), off * stiff, jnp.diag(stiff**2))
+    counted = xp.concatenate([xp.ones(size - sum(place.rows for place in places)), *_rows(fitted, places)])
+    total = Quadratic(0.5 * xp.sum(counted * off**2), off * stiff, xp.diag(stiff**2))
     for one, count, weight, place, rows in zip(evaluations, counts, weights, places, fitted, strict=True):
         total += quadratic_of(one, count, loss, weight, place, rows)
     return total
@@ -316,9 +402,3 @@ def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic
 
 def _rows(fitted: tuple[Float[Array, "..."], ...], places: tuple[Place, ...]) -> list[Float[Array, "..."]]:
     return [own[: place.rows] for own, place in zip(fitted, places, strict=True)]
-
-
-@eqx.filter_jit
-def _lanes(posterior: Posterior, vectors: Float[Array, "k q"]) -> Float[Array, "k r n"]:
-    drives = jax.vmap(posterior.drive_of)(vectors)
-    return posterior.recordings.side_by_side(drives, vectors[:, posterior.parameters :])

@@ -4,10 +4,10 @@ from abc import abstractmethod
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
+from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.data.batch import CLUSTER, rows_of
 from frictionjax.estimation.evidence.power import sum_clusters
 from frictionjax.estimation.objective.loss import AbstractLoss
@@ -21,11 +21,11 @@ class Quadratic(eqx.Module):
     square of its standardised errors in each block, shape `(r, b)`.
     """
 
-    cost: Float[Array, ""]
-    gradient: Float[Array, " q"]
-    hessian: Float[Array, "q q"]
-    clusters: tuple[Float[Array, "_ q"], ...] = ()
-    powers: tuple[Float[Array, "_ _"], ...] = ()
+    cost: Float[Numbers, ""]
+    gradient: Float[Numbers, " q"]
+    hessian: Float[Numbers, "q q"]
+    clusters: tuple[Float[Numbers, "_ q"], ...] = ()
+    powers: tuple[Float[Numbers, "_ _"], ...] = ()
 
     def __add__(self, other: "Quadratic") -> "Quadratic":
         """Both costs together."""
@@ -42,7 +42,7 @@ class AbstractObjective(eqx.Module):
     """A cost that a descent can bring down."""
 
     @abstractmethod
-    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
+    def quadratic(self, vector: Float[Numbers, " q"]) -> Quadratic:
         """The cost near `vector`, shape `(q,)`."""
 
 
@@ -54,10 +54,10 @@ class Evaluation(eqx.Module):
     it has one, `(k, r, n)`, and the blocks in which those are `sound` `(r, b)`.
     """
 
-    e: Float[Array, "r n"]
-    power: Float[Array, "r b"]
-    columns: Float[Array, "k r n"]
-    sound: Bool[Array, "r b"]
+    e: Float[Numbers, "r n"]
+    power: Float[Numbers, "r b"]
+    columns: Float[Numbers, "k r n"]
+    sound: Bool[Numbers, "r b"]
 
     @property
     def block(self) -> int:
@@ -67,11 +67,14 @@ class Evaluation(eqx.Module):
     def of_recordings(self, rows: Int[np.ndarray, " k"]) -> "Evaluation":
         """The same of the recordings `rows` alone."""
         e, power, sound = rows_of((self.e, self.power, self.sound), rows)
-        return Evaluation(e, power, jnp.asarray(np.asarray(self.columns)[:, rows]), sound)
+        return Evaluation(e, power, np.asarray(self.columns)[:, rows], sound)
 
-    def sound_columns(self) -> Float[Array, "k r n"]:
+    def sound_columns(self) -> Float[Numbers, "k r n"]:
         """The `columns`, 0 in the blocks in which they are not sound."""
-        return jnp.where(_each(self.sound, self.block)[None], self.columns, 0.0)
+        xp, (sound, columns) = known(self.sound, self.columns)
+        if xp is np and np.all(sound):
+            return columns
+        return xp.where(_each(sound, self.block)[None], columns, 0.0)
 
 
 class Place(NamedTuple):
@@ -88,14 +91,21 @@ class Place(NamedTuple):
         """Blocks in a cluster of the covariance: evidence without recordings has one number in a block, and no time."""
         return CLUSTER if self.rows else 1
 
+    def spread(self, own: Float[Numbers, "m k"]) -> Float[Numbers, "m size"]:
+        """Columns of the parameters and of the `own` deflections among those of the whole vector; the others are 0."""
+        xp = numpy_or_jax(own)
+        before = xp.zeros((own.shape[0], self.first - self.parameters))
+        after = xp.zeros((own.shape[0], self.size - self.first - self.rows))
+        return xp.concatenate([own[:, : self.parameters], before, own[:, self.parameters :], after], axis=1)
+
 
 def quadratic_of(
     evaluation: Evaluation,
-    count: Float[Array, " b"],
+    count: Float[Numbers, " b"],
     loss: AbstractLoss,
-    weight: Float[Array, " b"],
+    weight: Float[Numbers, " b"],
     place: Place,
-    fitted: Float[Array, " r"],
+    fitted: Float[Numbers, " r"],
 ) -> Quadratic:
     """Cost 1/2 sum of `count` rho(mean square) over blocks of standardised errors, with exact gradient.
 
@@ -111,59 +121,62 @@ def quadratic_of(
     - `place`: of its coordinates in the free vector.
     - `fitted`: 1 for fitted rows, 0 for held-out ones, shape `(r,)`.
     """
+    xp, given = known(evaluation, count, loss, weight, fitted)
+    evaluation, count, loss, weight, fitted = given
     blocks, many = evaluation.power.shape, place.parameters
-    scale = _each(loss.weight(evaluation.power) * weight.reshape(blocks), evaluation.block)
-    tall, own = _weighed(evaluation, jnp.sqrt(scale), place, fitted)
-    errors = jnp.sqrt(scale) * evaluation.e
+    root = xp.sqrt(_each(loss.weight(evaluation.power) * weight.reshape(blocks), evaluation.block))
+    tall, own = _weighed(evaluation, root, place, fitted)
+    errors = root * evaluation.e
     # As few passes through the columns as there can be: they are what takes the time beside the simulation.
     flat = tall.reshape(many, -1)
-    hessian = jnp.zeros((place.size, place.size)).at[:many, :many].set(flat @ flat.T)
+    hessian = flat @ flat.T
     clusters = sum_clusters(tall * errors[None], evaluation.block, place.blocks_in_cluster)
-    clusters = jnp.concatenate([clusters, jnp.zeros((clusters.shape[0], place.size - many))], axis=1)
     if place.rows:
         # A starting deflection moves its own recording only.
-        last = slice(place.first, place.first + place.rows)
-        cross = jnp.sum(tall * own[None], axis=-1)
-        hessian = hessian.at[:many, last].set(cross).at[last, :many].set(cross.T)
-        hessian = hessian.at[last, last].set(jnp.diag(jnp.sum(own * own, axis=-1)))
+        cross = xp.sum(tall * own[None], axis=-1)
+        alone = xp.diag(xp.sum(own * own, axis=-1))
+        hessian = xp.concatenate(
+            [xp.concatenate([hessian, cross], axis=1), xp.concatenate([cross.T, alone], axis=1)]
+        )
         mine = sum_clusters((own * errors)[None], evaluation.block).reshape(place.rows, -1, 1)
-        mine = (jnp.eye(place.rows)[:, None, :] * mine).reshape(-1, place.rows)
-        clusters = clusters.at[:, last].set(mine)
-    costs = jnp.sum((weight * count * loss.cost(evaluation.power.ravel())).reshape(blocks), axis=1)
-    gradient = jnp.sum(clusters, axis=0)
-    return Quadratic(0.5 * jnp.sum(fitted * costs), gradient, hessian, (clusters,), (evaluation.power,))
+        mine = (xp.eye(place.rows)[:, None, :] * mine).reshape(-1, place.rows)
+        clusters = xp.concatenate([clusters, mine], axis=1)
+    hessian, clusters = place.spread(place.spread(hessian).T), place.spread(clusters)
+    costs = xp.sum((weight * count * loss.cost(evaluation.power.ravel())).reshape(blocks), axis=1)
+    gradient = xp.sum(clusters, axis=0)
+    return Quadratic(0.5 * xp.sum(fitted * costs), gradient, hessian, (clusters,), (evaluation.power,))
 
 
-def _each(blocks: Shaped[Array, "r b"], block: int) -> Shaped[Array, "r n"]:
+def _each(blocks: Shaped[Numbers, "r b"], block: int) -> Shaped[Numbers, "r n"]:
     """A value of each block, shape `(r, b)`, for each of its samples."""
-    return jnp.repeat(blocks, block, axis=-1, total_repeat_length=blocks.shape[-1] * block)
+    return numpy_or_jax(blocks).repeat(blocks, block, axis=-1)
 
 
 def _weighed(
-    evaluation: Evaluation, root: Float[Array, "r n"], place: Place, fitted: Float[Array, " r"]
-) -> tuple[Float[Array, "p r n"], Float[Array, "r n"]]:
+    evaluation: Evaluation, root: Float[Numbers, "r n"], place: Place, fitted: Float[Numbers, " r"]
+) -> tuple[Float[Numbers, "p r n"], Float[Numbers, "r n"]]:
     """Weighted columns of the parameters, 0 in held-out rows, and that of the starting deflections."""
     columns = evaluation.sound_columns()
     return columns[: place.parameters] * (root * fitted[:, None])[None], columns[-1] * root
 
 
-@eqx.filter_jit
 def cluster_curvatures(
     evaluation: Evaluation,
     loss: AbstractLoss,
-    weight: Float[Array, " b"],
+    weight: Float[Numbers, " b"],
     place: Place,
-    fitted: Float[Array, " r"],
-) -> Float[Array, "r c k k"]:
+    fitted: Float[Numbers, " r"],
+) -> Float[Numbers, "r c k k"]:
     """Parts of the Gauss-Newton matrix by cluster, in the parameters and the own starting deflection of a row; other
     arguments as in `quadratic_of`."""
+    xp, (evaluation, loss, weight, fitted) = known(evaluation, loss, weight, fitted)
     scale = _each(loss.weight(evaluation.power) * weight.reshape(evaluation.power.shape), evaluation.block)
-    tall, own = _weighed(evaluation, jnp.sqrt(scale), place, fitted)
-    columns = jnp.concatenate([tall, own[None]]) if place.rows else tall
+    tall, own = _weighed(evaluation, xp.sqrt(scale), place, fitted)
+    columns = xp.concatenate([tall, own[None]]) if place.rows else tall
     length = evaluation.block * place.blocks_in_cluster
-    columns = jnp.pad(columns, ((0, 0), (0, 0), (0, -columns.shape[-1] % length)))
-    columns = columns.reshape(*columns.shape[:2], -1, length)
-    return jnp.einsum("irct,jrct->rcij", columns, columns)
+    columns = xp.pad(columns, ((0, 0), (0, 0), (0, -columns.shape[-1] % length)))
+    columns = xp.moveaxis(columns.reshape(*columns.shape[:2], -1, length), 0, 2)
+    return columns @ xp.swapaxes(columns, -1, -2)
 
 
 def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndarray, "c q q"]:
@@ -176,10 +189,9 @@ def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndar
     return whole.reshape(-1, *whole.shape[2:])
 
 
-@eqx.filter_jit
-def all_columns(evaluation: Evaluation) -> Float[Array, "q r n"]:
+def all_columns(evaluation: Evaluation) -> Float[Numbers, "q r n"]:
     """The Jacobian by all parameters and starting deflections of one evidence of recordings, 0 in the blocks in which
     it is not sound."""
-    columns = evaluation.sound_columns()
-    own = jnp.eye(columns.shape[1])[:, :, None] * columns[-1][None]
-    return jnp.concatenate([columns[:-1], own])
+    xp, columns = numpy_or_jax(evaluation), evaluation.sound_columns()
+    own = xp.eye(columns.shape[1])[:, :, None] * columns[-1][None]
+    return xp.concatenate([columns[:-1], own])

@@ -1,7 +1,6 @@
 """The posterior of a diagnosis: all recordings of a case, held-out ones included, under a robust loss."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
@@ -41,11 +40,11 @@ def robust_posterior(
     - `scales`: the plant's own sizes by name, for the effects' scales.
     - `known_inertia`: keep J; it is kept in any case where all motion is imposed and it does not act.
     """
-    dt, imposed = float(jnp.max(batch.dt)), batch.imposed
+    dt, imposed = float(np.max(batch.dt)), batch.imposed
     layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
     layout += effect_layout(drive, scales or {})
     recordings = batch.x.shape[0]
-    start = jnp.asarray(np.concatenate([pack(layout, drive), np.zeros(recordings)]))
+    start = np.concatenate([pack(layout, drive), np.zeros(recordings)])
     evidence = as_evidence(batch, FAST_BANDWIDTH)
     posterior = Posterior(
         constraints=Constraints(layout, (), ()),
@@ -53,9 +52,9 @@ def robust_posterior(
         start=start,
         prior=weak_prior(layout, recordings),
         evidence=(evidence,),
-        weights=(jnp.ones(evidence.count.shape),),
+        weights=(np.ones(evidence.count.shape),),
         loss=Cauchy(),
-        fitted=(jnp.asarray(np.where(held_out, 0.0, 1.0)),),
+        fitted=(np.where(held_out, 0.0, 1.0),),
         ceilings=(evidence.largest_derivative,),
     )
     return posterior, start
@@ -86,7 +85,7 @@ def extend(
     start = pack(added, drive)
 
     def insert(values: Float[Array, " q"], more: Float[Array, " p"]) -> Float[Array, " longer"]:
-        return jnp.asarray(np.insert(np.asarray(values), old, np.asarray(more)))
+        return np.insert(np.asarray(values), old, np.asarray(more))
 
     extended = Posterior(
         constraints=Constraints(posterior.layout + added, (), ()),

@@ -1,0 +1,123 @@
+"""Recordings cut into pieces of a few fixed shapes, so that one compiled program serves recordings of any number and
+length.
+
+A piece has two or four rows, the last of them repeated where there are fewer recordings, and as many samples as the
+next of a few lengths; loops along it end where its longest recording does (`simulation/samples.py`). What is computed
+of the pieces is cut to size and put together by NumPy.
+"""
+
+import weakref
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+_FEW, _MANY = (
+    2,
+    4,
+)  # rows: with their derivatives both fill the vector units, and two recordings are the commonest case
+_SHORTEST, _TIMES = 4096, 4  # samples: lengths are the first times powers of the second
+_EARLIER = 128  # earlier pieces of motion: as lengths, in powers of the same
+
+
+class Piece(NamedTuple):
+    """Some recordings: their `rows`, the same with the last repeated up to the width of the piece, `lanes`, the number
+    of `samples` of the longest, and the `length` to which all are padded."""
+
+    rows: Int[np.ndarray, " k"]
+    lanes: Int[np.ndarray, " w"]
+    samples: int
+    length: int
+
+
+class Run(NamedTuple):
+    """What is a number of the case in a piece, and of the program otherwise: the `samples` to be run along, and the
+    integration `substeps` a sample."""
+
+    samples: Int[Array | np.ndarray, ""]
+    substeps: Int[Array | np.ndarray, ""]
+
+
+def pieces_of(lengths: Int[np.ndarray, " r"]) -> tuple[Piece, ...]:
+    """The pieces of recordings that have so many samples, those of about one length together."""
+    order, pieces = np.argsort(-lengths, kind="stable"), []
+    while order.size:
+        width = _FEW if order.size <= _FEW else _MANY
+        rows, order = order[:width], order[width:]
+        lanes = np.concatenate([rows, np.repeat(rows[-1:], width - rows.size)])
+        samples = int(lengths[rows[0]])
+        pieces.append(Piece(rows, lanes, samples, _room(samples, _SHORTEST)))
+    return tuple(pieces)
+
+
+def _room(count: int, least: int) -> int:
+    """The next of the lengths that holds `count`, the shortest being `least`."""
+    length = least
+    while length < count:
+        length *= _TIMES
+    return length
+
+
+def lanes_of(tree: PyTree, piece: Piece) -> PyTree:
+    """The lanes of the `piece` of every array, shape `(r, ...)`, of a `tree`."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[piece.lanes], tree)
+
+
+def earlier_of(values: Float[Array | np.ndarray, "r k"], piece: Piece) -> Float[np.ndarray, "w m"]:
+    """The lanes of the `piece` of what was before each recording; zeros follow."""
+    own = np.asarray(values)[piece.lanes]
+    return np.pad(own, ((0, 0), (0, _room(own.shape[1], _EARLIER) - own.shape[1])))
+
+
+def padded(
+    values: Float[Array | np.ndarray, "r n ..."],
+    piece: Piece,
+    beyond: Literal["last", "zero", "line"] = "last",
+) -> Float[Array, "w m ..."]:
+    """The lanes of the `piece` of a signal, padded to its length with the last value, with zeros, or along the line
+    through the last two. It is kept as long as the `values` are: a descent asks for it at each step."""
+
+    def make() -> Float[Array, "w m ..."]:
+        own = np.asarray(values)[piece.lanes, : piece.length]
+        more = piece.length - own.shape[1]
+        if beyond == "zero" or not more:
+            return jnp.asarray(np.pad(own, ((0, 0), (0, more), *((0, 0),) * (own.ndim - 2))))
+        tail = np.repeat(own[:, -1:], more, axis=1)
+        if beyond == "line":
+            tail = tail + (own[:, -1:] - own[:, -2:-1]) * np.arange(1, more + 1)
+        return jnp.asarray(np.concatenate([own, tail], axis=1))
+
+    return _kept(values, (tuple(piece.lanes), piece.length, beyond), make)
+
+
+_KEPT: dict[int, tuple[weakref.ref, dict]] = {}
+
+
+def _kept(source: Array | np.ndarray, key: Any, make: Callable[[], Array]) -> Array:
+    """What `make` makes of the array `source`, made once for each `key` while the `source` lives."""
+    number = id(source)
+    known = _KEPT.get(number)
+    if known is None or known[0]() is not source:
+        known = _KEPT[number] = (weakref.ref(source, lambda _: _KEPT.pop(number, None)), {})
+    if key not in known[1]:
+        known[1][key] = make()
+    return known[1][key]
+
+
+def put_together(
+    parts: list[tuple[Piece, Array]], rows: int, samples: int, axis: int = 0
+) -> Float[np.ndarray, "..."]:
+    """The rows of all pieces, cut to `samples`: arrays with the lanes at `axis` and the samples behind it."""
+    shape = list(parts[0][1].shape)
+    shape[axis], shape[axis + 1] = rows, samples
+    whole, front = np.empty(shape), (slice(None),) * axis
+    for piece, part in parts:
+        most = min(samples, piece.length)
+        whole[(*front, piece.rows, slice(0, most))] = np.asarray(part)[
+            (*front, slice(0, piece.rows.size), slice(0, most))
+        ]
+        whole[(*front, piece.rows, slice(most, samples))] = 0.0
+    return whole
