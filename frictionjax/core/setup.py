@@ -95,7 +95,7 @@ _CPU_FIELDS = (
 )
 
 
-def _processor() -> str:
+def processor() -> str:
     """The model and the instructions of this processor, in the words of the system."""
     if _CPUINFO.exists():
         lines = _CPUINFO.read_text(errors="replace").split("\n\n")[0].splitlines()
@@ -114,11 +114,11 @@ def _platform_folder() -> str:
     XLA compiles for the processor at hand, and a program of one with more instructions crashes the process that runs
     it on another: several machines may share one home.
     """
-    digest = hashlib.sha256(_processor().encode()).hexdigest()[:12]
+    digest = hashlib.sha256(processor().encode()).hexdigest()[:12]
     return f"{platform.machine()}-{digest}-jaxlib-{version('jaxlib')}"
 
 
-def _is_own(folder: Path) -> bool:
+def is_own(folder: Path) -> bool:
     """Whether what lies in `folder` can have come from this user alone, and more can be added."""
     owned = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
     return owned and os.access(folder, os.W_OK)
@@ -141,7 +141,7 @@ def keep_compiled(folder: Path | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return
-    if _is_own(folder):
+    if is_own(folder):
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 

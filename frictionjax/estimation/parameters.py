@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
 from frictionjax.core.arrays import numpy_or_jax
+from frictionjax.core.programs import compiled
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
@@ -196,7 +197,7 @@ def physical(
     return np.asarray(values), np.asarray(jacobian)
 
 
-@eqx.filter_jit
+@compiled()
 def _physical(
     layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
 ) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:

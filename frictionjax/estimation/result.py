@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Estimate
+from frictionjax.core.programs import compiled
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.descent.stepper import Ending
 from frictionjax.estimation.evidence import Forces, Positions
@@ -76,7 +77,7 @@ class FitResult(eqx.Module):
         return {name: estimate.stderr for name, estimate in self.parameters.items()}
 
 
-@eqx.filter_jit
+@compiled()
 def _values(
     posterior: Posterior, vector: Float[Array, " q"]
 ) -> tuple[Float[Array, " k"], Float[Array, "k q"]]:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.data.pieces import pieces_of, put_together
@@ -33,7 +34,7 @@ class ForceView(eqx.Module):
     e: Float[np.ndarray, "r n"]
 
 
-@eqx.filter_jit
+@compiled()
 def _runs(
     drive: Drive, batch: ImposedBatch, deflection: Float[Array, " r"]
 ) -> tuple[Float[Array, "r n"], ...]:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.verdict import RecordingFit
@@ -63,7 +64,7 @@ class _Along(eqx.Module):
     push: Push
 
 
-@eqx.filter_jit
+@compiled()
 def _along(
     drive: Drive,
     batch: Batch,
@@ -99,7 +100,7 @@ def _along(
     return batch.each(one, gains, deflection, first, jnp.asarray(batch.lengths))
 
 
-@eqx.filter_jit
+@compiled()
 def _free_runs(
     drive: Drive,
     push: Push,

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import AbstractRecordings
-from frictionjax.estimation.objective.posterior import Model, Posterior
+from frictionjax.estimation.objective.model import Model
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
 
 
@@ -25,14 +26,13 @@ def errors_with_effect(
     )
     stacked = np.stack([np.asarray(vector) for vector in vectors])
     parts = []
-    for piece in recordings.pieces():
-        own = recordings.piece(piece)
+    for piece, own in recordings.in_pieces():
         z0 = stacked[:, count:][:, piece.lanes]
         parts.append((piece, _side_by_side(models[0], drives, centres, own, stacked[:, :count], z0)))
     return put_together(parts, recordings.rows, recordings.samples, axis=1)
 
 
-@eqx.filter_jit
+@compiled()
 def _side_by_side(
     model: Model,
     drives: Drive,

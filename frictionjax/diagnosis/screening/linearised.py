@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
-from frictionjax.estimation.objective.posterior import Model, Posterior
+from frictionjax.estimation.objective.model import Model
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import all_columns
 from frictionjax.physics import Drive, LuGre, Push
 from frictionjax.physics.effects import AbstractEffect, Before
@@ -109,7 +111,7 @@ class Present(eqx.Module):
     def parts(self) -> list[Batch]:
         """The recordings in pieces of fixed shapes."""
         recordings = self.posterior.recordings
-        return [recordings.piece(piece).batch for piece in recordings.pieces()]  # type: ignore[misc]
+        return [own.batch for _, own in recordings.in_pieces()]  # type: ignore[misc]
 
     def _run(
         self, blocks: list[tuple[Float[np.ndarray, "k q"], list[Signals]]]
@@ -120,10 +122,10 @@ class Present(eqx.Module):
         filled = [*blocks, *[blocks[-1]] * (_TOGETHER - len(blocks))]
         vectors = np.concatenate([own for own, _ in filled])
         recordings, count, found = self.posterior.recordings, self.posterior.parameters, []
-        for place, (piece, motion) in enumerate(zip(recordings.pieces(), self.motion, strict=True)):
+        parts = zip(recordings.in_pieces(), self.motion, strict=True)
+        for place, ((piece, observed), motion) in enumerate(parts):
             signals = tuple(own[place] for _, own in filled)
-            z0 = vectors[:, count:][:, piece.lanes]
-            push, observed = Push(motion.push, motion.rise), recordings.piece(piece)
+            push, z0 = Push(motion.push, motion.rise), vectors[:, count:][:, piece.lanes]
             e = _injected_lanes(self.posterior.model, observed, vectors[:, :count], z0, push, signals)
             found.append((piece, e))
         errors = put_together(found, recordings.rows, recordings.samples, axis=1)
@@ -156,7 +158,7 @@ def _effect_at(posterior: Posterior, vector: Float[Array | np.ndarray, " q"]) ->
     return type(effect)(**values, **fixed)
 
 
-@eqx.filter_jit
+@compiled()
 def _motion(drive: Drive, deflection: Float[Array, " w"], batch: Batch, gains: Gains) -> Along:
     def one(
         u: Float[Array, " n"], x: Float[Array, " n"], dt: Float[Array, ""], gains: Gains, start: Start
@@ -168,7 +170,7 @@ def _motion(drive: Drive, deflection: Float[Array, " w"], batch: Batch, gains: G
     return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0)
 
 
-@eqx.filter_jit
+@compiled()
 def _signals(
     effects: AbstractEffect,
     model: tuple[LuGre, Float[Array, ""], Float[Array, ""]],
@@ -189,7 +191,7 @@ def _signals(
     return jax.vmap(lane)(effects)
 
 
-@eqx.filter_jit
+@compiled()
 def _injected_lanes(
     model: Model,
     recordings: Observed,
@@ -252,8 +254,7 @@ def present_model(posterior: Posterior, vector: Float[Array, " q"]) -> Present:
     recordings, motion = posterior.recordings, None
     if isinstance(recordings, Observed):
         z0, motion = vector[posterior.parameters :], []
-        for piece in recordings.pieces():
-            part = recordings.piece(piece)
+        for piece, part in recordings.in_pieces():
             motion.append(_motion(drive, z0[piece.lanes], part.batch, part.gains))
     misfit = misfit_of(power, np.asarray(posterior.fitted[0]), posterior.batch)
     return Present(posterior, vector, drive, e, fine, tuple(weighings), misfit, samples, motion)

@@ -7,18 +7,18 @@ of the pieces is cut to size and put together by NumPy.
 """
 
 import weakref
-from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Hashable
+from typing import Literal, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-_FEW, _MANY = (
-    2,
-    4,
-)  # rows: with their derivatives both fill the vector units, and two recordings are the commonest case
+_T = TypeVar("_T")
+
+# Rows: with their derivatives both fill the vector units, and two recordings are the commonest case.
+_FEW, _MANY = 2, 4
 _SHORTEST, _TIMES = 4096, 4  # samples: lengths are the first times powers of the second
 _EARLIER = 128  # earlier pieces of motion: as lengths, in powers of the same
 
@@ -90,14 +90,14 @@ def padded(
             tail = tail + (own[:, -1:] - own[:, -2:-1]) * np.arange(1, more + 1)
         return jnp.asarray(np.concatenate([own, tail], axis=1))
 
-    return _kept(values, (tuple(piece.lanes), piece.length, beyond), make)
+    return kept(values, (tuple(piece.lanes), piece.length, beyond), make)
 
 
 _KEPT: dict[int, tuple[weakref.ref, dict]] = {}
 
 
-def _kept(source: Array | np.ndarray, key: Any, make: Callable[[], Array]) -> Array:
-    """What `make` makes of the array `source`, made once for each `key` while the `source` lives."""
+def kept(source: object, key: Hashable, make: Callable[[], _T]) -> _T:
+    """What `make` makes of the array or Module `source`, made once for each `key` while the `source` lives."""
     number = id(source)
     known = _KEPT.get(number)
     if known is None or known[0]() is not source:

@@ -1,6 +1,7 @@
 """Evidence: data, as prediction errors of a drive over their standard deviations. One kind of data a class."""
 
 from abc import abstractmethod
+from typing import Self
 
 import equinox as eqx
 import numpy as np
@@ -8,7 +9,7 @@ from jaxtyping import Array, Float, Key
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.data.batch import AbstractBatch
-from frictionjax.estimation.data.pieces import Piece, pieces_of
+from frictionjax.estimation.data.pieces import Piece, kept, pieces_of
 from frictionjax.physics import Drive
 
 
@@ -35,8 +36,12 @@ class AbstractEvidence(eqx.Module):
         """The recordings in pieces of a few fixed shapes; none for evidence without recordings."""
 
     @abstractmethod
-    def piece(self, piece: Piece) -> "AbstractEvidence":
+    def piece(self, piece: Piece) -> Self:
         """The evidence of the recordings of a `piece`, of its shape: its errors are not in blocks."""
+
+    def in_pieces(self) -> tuple[tuple[Piece, Self], ...]:
+        """The recordings in `pieces`, each with its `piece` of the evidence; made once."""
+        return kept(self, "pieces", lambda: tuple((piece, self.piece(piece)) for piece in self.pieces()))
 
     @property
     @abstractmethod

@@ -22,6 +22,7 @@ from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings
 from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.loss import AbstractLoss
 from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.model import Model, side_by_side, with_slopes
 from frictionjax.estimation.objective.quadratic import (
     AbstractObjective,
     Evaluation,
@@ -55,21 +56,6 @@ class _Prior(NamedTuple):
     vector: Float[Array, " q"]
     start: Float[Array, " q"]
     stiffness: Float[Array, " q"]
-
-
-class Model(eqx.Module):
-    """What turns free parameters into a `Drive`.
-
-    **Attributes:** `constraints`, `drive` (structure and fixed parameters), `centre` of the admissible ranges, `(p,)`.
-    """
-
-    constraints: Constraints
-    drive: Drive
-    centre: Float[Numbers, " p"]
-
-    def drive_of(self, parameters: Float[Array, " p"]) -> Drive:
-        """The `Drive` of these free `parameters`, shape `(p,)`."""
-        return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
 
 
 class Posterior(AbstractObjective):
@@ -227,12 +213,13 @@ class Posterior(AbstractObjective):
         self, evidence: AbstractEvidence, parameters: Float[np.ndarray, " p"], z0: Float[np.ndarray, " rows"]
     ) -> tuple[Float[np.ndarray, "r n"], Float[np.ndarray, "k r n"]]:
         """Errors of the `evidence` and their derivatives, as in an `Evaluation`."""
+        model = self.model
         if not evidence.rows:
-            e, columns = _piece_with_slopes(self.model, evidence, parameters, z0)
+            e, columns = with_slopes(model, evidence, parameters, z0)
             return np.asarray(e), np.asarray(columns)
         parts = [
-            (piece, *_piece_with_slopes(self.model, evidence.piece(piece), parameters, z0[piece.lanes]))
-            for piece in evidence.pieces()
+            (piece, *with_slopes(model, own, parameters, z0[piece.lanes]))
+            for piece, own in evidence.in_pieces()
         ]
         size = (evidence.rows, evidence.samples)
         e = put_together([(piece, e) for piece, e, _ in parts], *size)
@@ -322,15 +309,14 @@ class Posterior(AbstractObjective):
 
     def errors_at(self, vectors: Sequence[Float[Numbers, " q"]]) -> Float[np.ndarray, "k r n"]:
         """Standardised errors for each of `vectors`, shape `(k, r, n)`, some at a time."""
-        recordings, count, found = self.recordings, self.parameters, []
+        recordings, model, count, found = self.recordings, self.model, self.parameters, []
         for first in range(0, len(vectors), LANES):
             some = np.stack([np.asarray(v) for v in vectors[first : first + LANES]])
             lanes = LANES if len(some) > 1 else 1
             stack = np.concatenate([some, np.repeat(some[-1:], lanes - len(some), axis=0)])
             parts = []
-            for piece in recordings.pieces():
-                z0 = stack[:, count:][:, piece.lanes]
-                e = _piece_lanes(self.model, recordings.piece(piece), stack[:, :count], z0)
+            for piece, own in recordings.in_pieces():
+                e = side_by_side(model, own, stack[:, :count], stack[:, count:][:, piece.lanes])
                 parts.append((piece, np.asarray(e)[: len(some)]))
             found.append(put_together(parts, recordings.rows, recordings.samples, axis=1))
         return np.concatenate(found)
@@ -350,36 +336,6 @@ class Posterior(AbstractObjective):
 def _overflowing() -> np.errstate:
     """Where a run may overflow: what follows from it is not finite, and is asked for that."""
     return np.errstate(over="ignore", invalid="ignore")
-
-
-# Higher levels of XLA compile for longer, and the loop is no faster for it.
-@eqx.filter_jit(compiler_options={"xla_backend_optimization_level": 1})  # type: ignore[call-overload]
-def _piece_with_slopes(
-    model: Model, evidence: AbstractEvidence, parameters: Float[Array, " p"], z0: Float[Array, " w"]
-) -> tuple[Float[Array, "w n"], Float[Array, "k w n"]]:
-    """Errors of a piece of evidence, and the columns of their derivatives by the parameters and by each own starting
-    deflection."""
-    count, rows = parameters.shape[0], z0.shape[0]
-
-    def errors(parameters: Float[Array, " p"], z0: Float[Array, " w"]) -> Float[Array, "w n"]:
-        return evidence.errors(model.drive_of(parameters), z0).reshape(max(rows, 1), -1)
-
-    def column(way: Float[Array, " k"]) -> tuple[Float[Array, "w n"], Float[Array, "w n"]]:
-        # A starting deflection moves its own recording only, so one column serves all of them.
-        return jax.jvp(errors, (parameters, z0), (way[:count], way[-1] * jnp.ones(rows)))
-
-    return jax.vmap(column, out_axes=(None, 0))(jnp.eye(count + (rows > 0), count + 1))
-
-
-@eqx.filter_jit
-def _piece_lanes(
-    model: Model,
-    recordings: AbstractRecordings,
-    parameters: Float[Array, "k p"],
-    z0: Float[Array, "k w"],
-) -> Float[Array, "k w n"]:
-    """Standardised errors of a piece for each of k vectors."""
-    return recordings.side_by_side(jax.vmap(model.drive_of)(parameters), z0)
 
 
 @eqx.filter_jit

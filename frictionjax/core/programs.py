@@ -1,0 +1,240 @@
+"""`compiled`: functions of arrays and Modules as compiled programs, which later processes load instead of making them.
+
+JAX keeps what XLA compiles on disk, but each process traces and lowers every function again to find it there: for the
+loops of this library that takes longer than to run them. What `compiled` keeps is the finished program, under a key
+that needs no tracing: the function, the structure of its arguments, their shapes, and the source of this package.
+Programs lie where JAX keeps its own (`keep_compiled`); without such a folder each process makes its own.
+"""
+
+import functools
+import hashlib
+import os
+import pickle
+import tempfile
+import threading
+import uuid
+import warnings
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.experimental import serialize_executable
+from jaxtyping import PyTree
+
+from frictionjax.core.errors import FrictionjaxWarning
+from frictionjax.core.setup import is_own, processor
+
+_P, _R = ParamSpec("_P"), TypeVar("_R")
+_MOST = 400  # programs that a process keeps; those that were not used for longest are let go
+_PACKAGE = Path(__file__).parents[1]
+# Whose classes may stand in a kept program: the source of other classes may change without a trace in the key.
+_KNOWN = ("frictionjax.", "builtins", "jaxlib.", "jax.", "numpy")
+
+
+class _Program(NamedTuple):
+    """A compiled program, and a result with numbers in place of its arrays."""
+
+    run: jax.stages.Compiled
+    result: PyTree
+
+
+class Compiled(Generic[_P, _R]):
+    """A function whose arrays, of NumPy or JAX, are the arguments of compiled programs, one for each structure of the
+    other arguments and each set of shapes. It returns arrays, or Modules and tuples of them. Inside transformations it
+    is the function itself."""
+
+    def __init__(self, function: Callable[_P, _R], options: dict[str, Any] | None) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._options = options
+
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._function(*args, **kwargs)
+        dynamic = [leaf for leaf in leaves if eqx.is_array(leaf) or isinstance(leaf, np.ndarray)]
+        shapes = tuple(
+            (leaf.shape, leaf.dtype) if eqx.is_array(leaf) or isinstance(leaf, np.ndarray) else leaf
+            for leaf in leaves
+        )
+        signature = (self._function, structure, shapes)
+        program = _MEMORY.get(signature, lambda: self._made(args, kwargs, shapes, structure))
+        found = program.run(*dynamic)
+        return jax.tree.map(lambda place: found[place], program.result)
+
+    def _made(self, args: tuple, kwargs: dict, shapes: tuple, structure: Any) -> _Program:
+        """The program of these arguments, from the disk or made anew."""
+        folder = _folder()
+        name = None if folder is None else self._name(args, kwargs, shapes, structure)
+        if folder is None or name is None:
+            return self._new(args, kwargs)
+        path = folder / name
+        return _read(path) or _written(path, self._new(args, kwargs))
+
+    def _new(self, args: tuple, kwargs: dict) -> _Program:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, jax.Array | np.ndarray)]
+        # The arrays themselves are not kept by the closure of the program.
+        rest = [None if place in places else leaf for place, leaf in enumerate(leaves)]
+        results: list[PyTree] = []
+
+        def flat(*arrays: Any) -> list[Any]:
+            own = list(rest)
+            for place, array in zip(places, arrays, strict=True):
+                own[place] = array
+            given, named = jax.tree.unflatten(structure, own)
+            found, shape = jax.tree.flatten(self._function(*given, **named))
+            results.append(jax.tree.unflatten(shape, range(len(found))))
+            return found
+
+        # What JAX's own cache returns cannot be kept again: the copy lacks some of the machine code. A name that was never
+        # used before is not found there.
+        flat.__name__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
+        dynamic = [jax.ShapeDtypeStruct(leaves[place].shape, leaves[place].dtype) for place in places]
+        return _Program(jax.jit(flat).lower(*dynamic).compile(self._options), results[-1])
+
+    def _name(self, args: tuple, kwargs: dict, shapes: tuple, structure: Any) -> str | None:
+        """Name of the program on the disk; None where it cannot be known by its text alone."""
+        if not all(kind.__module__.startswith(_KNOWN) for kind in _kinds((args, kwargs))):
+            return None
+        text = repr(
+            (self._function.__module__, self._function.__qualname__, structure, shapes, self._options)
+        )
+        if " at 0x" in text or "<function" in text:
+            return None
+        return hashlib.sha256((_surroundings() + text).encode()).hexdigest()
+
+
+def compiled(*, options: dict[str, Any] | None = None) -> Callable[[Callable[_P, _R]], Compiled[_P, _R]]:
+    """A decorator that makes a function `Compiled`, with these `options` of XLA."""
+    return lambda function: Compiled(function, options)
+
+
+def _kinds(tree: PyTree) -> set[type]:
+    """The types of all parts of a `tree`."""
+    found: set[type] = set()
+
+    def seen(part: Any) -> bool:
+        found.add(type(part))
+        return False
+
+    jax.tree.flatten(tree, is_leaf=seen)
+    return found
+
+
+class _Memory:
+    """The programs of this process by signature, each made by one thread while others wait for it."""
+
+    def __init__(self) -> None:
+        self._programs: OrderedDict[Hashable, _Program] = OrderedDict()
+        self._making: dict[Hashable, threading.Lock] = {}
+        self._lock = threading.Lock()
+
+    def get(self, signature: Hashable, make: Callable[[], _Program]) -> _Program:
+        """The program of the `signature`, which `make` makes where there is none."""
+        with self._lock:
+            if signature in self._programs:
+                self._programs.move_to_end(signature)
+                return self._programs[signature]
+            own = self._making.setdefault(signature, threading.Lock())
+        with own:
+            with self._lock:
+                if signature in self._programs:
+                    return self._programs[signature]
+            program = make()
+            with self._lock:
+                self._programs[signature] = program
+                self._making.pop(signature, None)
+                while len(self._programs) > _MOST:
+                    self._programs.popitem(last=False)
+        return program
+
+    def clear(self) -> None:
+        """Let all programs go."""
+        with self._lock:
+            self._programs.clear()
+
+
+_MEMORY = _Memory()
+
+
+def forget_programs() -> None:
+    """Let the programs of this process go; those on the disk stay."""
+    _MEMORY.clear()
+
+
+@functools.cache
+def _source() -> str:
+    """A digest of the source of this package."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(str(path.relative_to(_PACKAGE)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _surroundings() -> str:
+    """All that a program depends on besides its function and arguments."""
+    parts = (
+        _source(),
+        *(version(name) for name in ("jax", "jaxlib", "equinox")),
+        processor(),
+        os.environ.get("XLA_FLAGS", ""),
+        jax.default_backend(),
+        len(jax.devices()),
+        jax.config.jax_enable_x64,  # type: ignore[attr-defined]
+    )
+    return repr(parts)
+
+
+def _folder() -> Path | None:
+    """Where programs are kept; None where nothing is, or where others could have put programs."""
+    kept = getattr(jax.config, "jax_compilation_cache_dir", None)
+    if kept is None or not getattr(jax.config, "jax_enable_compilation_cache", True):
+        return None
+    folder = Path(kept) / "frictionjax"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder if is_own(folder) else None
+
+
+def _read(path: Path) -> _Program | None:
+    """The program in the file `path`; None where there is none, or a damaged one, which is replaced later."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    digest, packed = content[:32], content[32:]
+    if hashlib.sha256(packed).digest() != digest:
+        warnings.warn(
+            f"A kept program was damaged, and is compiled again: {path}", FrictionjaxWarning, stacklevel=2
+        )
+        return None
+    binary, count, result = pickle.loads(zlib.decompress(packed))
+    arguments = jax.tree.structure(((0,) * count[0], {}))
+    results = jax.tree.structure([0] * count[1])
+    run = serialize_executable.deserialize_and_load(
+        binary, arguments, results, execution_devices=jax.devices()[:1]
+    )
+    return _Program(run, result)
+
+
+def _written(path: Path, program: _Program) -> _Program:
+    """The `program`, kept in the file `path` from now on."""
+    binary, arguments, results = serialize_executable.serialize(program.run)
+    count = (arguments.num_leaves, results.num_leaves)
+    packed = zlib.compress(pickle.dumps((binary, count, program.result)), 1)
+    # Complete or not at all: other processes read while this one writes.
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(hashlib.sha256(packed).digest() + packed)
+    Path(file.name).replace(path)
+    return program

@@ -1,0 +1,58 @@
+"""A model with free parameters on a piece of evidence: its errors and their derivatives, as compiled programs."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from frictionjax.core.arrays import Numbers
+from frictionjax.core.programs import compiled
+from frictionjax.estimation.constraints import Constraints
+from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings
+from frictionjax.estimation.parameters import unpack
+from frictionjax.physics import Drive
+
+
+class Model(eqx.Module):
+    """What turns free parameters into a `Drive`.
+
+    **Attributes:** `constraints`, `drive` (structure and fixed parameters), `centre` of the admissible ranges, `(p,)`.
+    """
+
+    constraints: Constraints
+    drive: Drive
+    centre: Float[Numbers, " p"]
+
+    def drive_of(self, parameters: Float[Array, " p"]) -> Drive:
+        """The `Drive` of these free `parameters`, shape `(p,)`."""
+        return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
+
+
+# Higher levels of XLA compile for longer, and the loop is no faster for it.
+@compiled(options={"xla_backend_optimization_level": 1})
+def with_slopes(
+    model: Model, evidence: AbstractEvidence, parameters: Float[Array, " p"], z0: Float[Array, " w"]
+) -> tuple[Float[Array, "w n"], Float[Array, "k w n"]]:
+    """Errors of a piece of evidence, and the columns of their derivatives by the parameters and by each own starting
+    deflection."""
+    count, rows = parameters.shape[0], z0.shape[0]
+
+    def errors(parameters: Float[Array, " p"], z0: Float[Array, " w"]) -> Float[Array, "w n"]:
+        return evidence.errors(model.drive_of(parameters), z0).reshape(max(rows, 1), -1)
+
+    def column(way: Float[Array, " k"]) -> tuple[Float[Array, "w n"], Float[Array, "w n"]]:
+        # A starting deflection moves its own recording only, so one column serves all of them.
+        return jax.jvp(errors, (parameters, z0), (way[:count], way[-1] * jnp.ones(rows)))
+
+    return jax.vmap(column, out_axes=(None, 0))(jnp.eye(count + (rows > 0), count + 1))
+
+
+@compiled()
+def side_by_side(
+    model: Model,
+    recordings: AbstractRecordings,
+    parameters: Float[Array, "k p"],
+    z0: Float[Array, "k w"],
+) -> Float[Array, "k w n"]:
+    """Standardised errors of a piece for each of k vectors."""
+    return recordings.side_by_side(jax.vmap(model.drive_of)(parameters), z0)
