@@ -29,7 +29,7 @@ from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
 from frictionjax.core.errors import FrictionjaxWarning
-from frictionjax.core.setup import is_own, processor
+from frictionjax.core.setup import processor, programs_folder
 
 _P, _R = ParamSpec("_P"), TypeVar("_R")
 _MOST = 400  # programs that a process keeps; those that were not used for longest are let go
@@ -71,7 +71,7 @@ class Compiled(Generic[_P, _R]):
 
     def _made(self, args: tuple, kwargs: dict, shapes: tuple, structure: Any) -> _Program:
         """The program of these arguments, from the disk or made anew."""
-        folder = _folder()
+        folder = programs_folder()
         name = None if folder is None else self._name(args, kwargs, shapes, structure)
         if folder is None or name is None:
             return self._new(args, kwargs)
@@ -94,8 +94,8 @@ class Compiled(Generic[_P, _R]):
             results.append(jax.tree.unflatten(shape, range(len(found))))
             return found
 
-        # What JAX's own cache returns cannot be kept again: the copy lacks some of the machine code. A name that was never
-        # used before is not found there.
+        # What JAX's own cache returns cannot be kept again: its copy lacks some of the machine code. A name that was
+        # never used before is not found there.
         flat.__name__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
         dynamic = [jax.ShapeDtypeStruct(leaves[place].shape, leaves[place].dtype) for place in places]
         return _Program(jax.jit(flat).lower(*dynamic).compile(self._options), results[-1])
@@ -189,22 +189,8 @@ def _surroundings() -> str:
         os.environ.get("XLA_FLAGS", ""),
         jax.default_backend(),
         len(jax.devices()),
-        jax.config.jax_enable_x64,  # type: ignore[attr-defined]
     )
     return repr(parts)
-
-
-def _folder() -> Path | None:
-    """Where programs are kept; None where nothing is, or where others could have put programs."""
-    kept = getattr(jax.config, "jax_compilation_cache_dir", None)
-    if kept is None or not getattr(jax.config, "jax_enable_compilation_cache", True):
-        return None
-    folder = Path(kept) / "frictionjax"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError:
-        return None
-    return folder if is_own(folder) else None
 
 
 def _read(path: Path) -> _Program | None:

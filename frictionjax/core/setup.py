@@ -118,7 +118,7 @@ def _platform_folder() -> str:
     return f"{platform.machine()}-{digest}-jaxlib-{version('jaxlib')}"
 
 
-def is_own(folder: Path) -> bool:
+def _is_own(folder: Path) -> bool:
     """Whether what lies in `folder` can have come from this user alone, and more can be added."""
     owned = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
     return owned and os.access(folder, os.W_OK)
@@ -141,9 +141,23 @@ def keep_compiled(folder: Path | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return
-    if is_own(folder):
+    if _is_own(folder):
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def programs_folder() -> Path | None:
+    """Where whole programs are kept (`core/programs.py`): beside what JAX keeps; None where it keeps nothing, or where
+    another user could have put programs."""
+    kept = getattr(jax.config, "jax_compilation_cache_dir", None)
+    if kept is None or not getattr(jax.config, "jax_enable_compilation_cache", True):
+        return None
+    folder = Path(kept) / "frictionjax"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder if _is_own(folder) else None
 
 
 # Options of glibc's `mallopt` by number, and their values: no memory is returned to the system, and all but the largest

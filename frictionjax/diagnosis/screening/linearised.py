@@ -97,8 +97,7 @@ class Present(eqx.Module):
         piece."""
         assert self.motion is not None
         old, more = len(self.posterior.layout), len(posteriors[0].layout)
-        each = [_effect_at(one, vector) for one, vector in zip(posteriors, vectors, strict=True)]
-        effects = jax.tree.map(lambda *leaves: np.stack(leaves), *each)
+        effects = _effects_at(posteriors, vectors)
         model = (self.drive.friction, self.drive.J, self.drive.motor_constant)
         signals = [
             _signals(effects, model, motion, part.dt, part.before, part.samples)
@@ -140,22 +139,25 @@ class Present(eqx.Module):
         return np.concatenate(list(found))[: len(vectors)]
 
 
-def _effect_at(posterior: Posterior, vector: Float[Array | np.ndarray, " q"]) -> AbstractEffect:
-    """The last effect of the `posterior` at a free `vector`."""
-    effect, place = posterior.drive.effects[-1], len(posterior.drive.effects) - 1
-    values, point = {}, np.asarray(vector)
-    for index, free in enumerate(posterior.layout):
+def _effects_at(
+    posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
+) -> AbstractEffect:
+    """The last effect of each of the `posteriors` at a free vector, as one with leaves of shape `(k,)`."""
+    drive = posteriors[0].drive
+    effect, place = drive.effects[-1], len(drive.effects) - 1
+    stack, values = np.stack([np.asarray(vector) for vector in vectors]), {}
+    for index, free in enumerate(posteriors[0].layout):
         if not free.path.startswith(f"effects.{place}."):
             continue
-        parameter, coordinate = free.parameter, point[index]
-        value = np.exp(coordinate) if parameter.transform == "log" else coordinate * float(free.scale)
+        parameter, coordinate = free.parameter, stack[:, index]
+        scale = np.array([float(one.layout[index].scale) for one in posteriors])
+        value = np.exp(coordinate) if parameter.transform == "log" else coordinate * scale
         values[parameter.name] = np.clip(value, parameter.lower, parameter.upper)
-    fixed = {
-        name: getattr(effect, name)
-        for name in (parameter.name for parameter in effect.strengths + effect.nuisances)
-        if name not in values
-    }
-    return type(effect)(**values, **fixed)
+    for parameter in effect.strengths + effect.nuisances:
+        if parameter.name not in values:
+            own = [float(getattr(one.drive.effects[-1], parameter.name)) for one in posteriors]
+            values[parameter.name] = np.array(own)
+    return type(effect)(**values)
 
 
 @compiled()

@@ -83,11 +83,11 @@ def _regressed(errors, sizes, e, fine, weighings, block):
     the innovations `e`, and for each cluster with the `fine` ones."""
     columns = errors - e[None]
     with np.errstate(over="ignore", invalid="ignore"):
-        thrown = np.sqrt(np.mean(columns**2, axis=(1, 2)))
+        thrown = np.sqrt([np.vdot(column, column) / column.size for column in columns])
     # A step through a break-away event can throw the trajectory.
-    good = np.isfinite(thrown) & (thrown < _THROWN * np.sqrt(np.mean(e**2)))
-    columns[~good] = 0.0
+    good = np.isfinite(thrown) & (thrown < _THROWN * np.sqrt(np.vdot(e, e) / e.size))
     columns /= sizes[:, None, None]
+    columns[~good] = 0.0
     flat = columns.reshape(columns.shape[0], -1)
     products = []
     for weight, base in weighings:

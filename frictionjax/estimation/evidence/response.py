@@ -42,7 +42,7 @@ class Response(AbstractMeasurement):
         return ()
 
     def piece(self, piece: Piece) -> "Response":
-        """The same: it is one whole."""
+        """The same, whatever the `piece`: it is one whole."""
         return self
 
     @property
