@@ -34,6 +34,7 @@ from frictionjax.core.setup import processor, programs_folder
 _P, _R = ParamSpec("_P"), TypeVar("_R")
 _MOST = 400  # programs that a process keeps; those that were not used for longest are let go
 _PACKAGE = Path(__file__).parents[1]
+_BASE = ("core", "physics", "recordings", "excitation", "simulation", "frequency", "estimation")
 # Whose classes may stand in a kept program: the source of other classes may change without a trace in the key.
 _KNOWN = ("frictionjax.", "builtins", "jaxlib.", "jax.", "numpy")
 
@@ -102,14 +103,15 @@ class Compiled(Generic[_P, _R]):
 
     def _name(self, args: tuple, kwargs: dict, shapes: tuple, structure: Any) -> str | None:
         """Name of the program on the disk; None where it cannot be known by its text alone."""
-        if not all(kind.__module__.startswith(_KNOWN) for kind in _kinds((args, kwargs))):
+        names = (self._function.__module__, *(kind.__module__ for kind in _kinds((args, kwargs))))
+        if not names[0].startswith("frictionjax.") or not all(name.startswith(_KNOWN) for name in names):
             return None
         text = repr(
             (self._function.__module__, self._function.__qualname__, structure, shapes, self._options)
         )
         if " at 0x" in text or "<function" in text:
             return None
-        return hashlib.sha256((_surroundings() + text).encode()).hexdigest()
+        return hashlib.sha256((_surroundings(self._function.__module__) + text).encode()).hexdigest()
 
 
 def compiled(*, options: dict[str, Any] | None = None) -> Callable[[Callable[_P, _R]], Compiled[_P, _R]]:
@@ -171,19 +173,20 @@ def forget_programs() -> None:
 
 
 @functools.cache
-def _source() -> str:
-    """A digest of the source of this package."""
+def _source(unit: str) -> str:
+    """A digest of the source of the units that functions of all units are built on, and of this `unit`."""
     digest = hashlib.sha256()
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(str(path.relative_to(_PACKAGE)).encode())
-        digest.update(path.read_bytes())
+    for name in sorted({*_BASE, unit}):
+        for path in sorted((_PACKAGE / name).rglob("*.py")):
+            digest.update(str(path.relative_to(_PACKAGE)).encode())
+            digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _surroundings() -> str:
-    """All that a program depends on besides its function and arguments."""
+def _surroundings(module: str) -> str:
+    """All that a program of a function in the `module` depends on besides the function and its arguments."""
     parts = (
-        _source(),
+        _source(module.split(".")[1]),
         *(version(name) for name in ("jax", "jaxlib", "equinox")),
         processor(),
         os.environ.get("XLA_FLAGS", ""),

@@ -11,12 +11,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PyTree
 
-CHUNK = 64
-"""Samples that are taken from the inputs, and written to the outputs, at once; padded lengths are multiples of it.
-
-The states and outputs of so many samples stay in the first cache, and outputs of many lanes are written lane by lane.
-"""
-
 
 def scan_samples(
     step: Callable[[PyTree, PyTree], tuple[PyTree, PyTree]],
@@ -32,8 +26,8 @@ def scan_samples(
     - `step`: (state, inputs) -> (state, outputs).
     - `begin`: the state at the first sample.
     - `inputs`: arrays of shape `(n, ...)`.
-    - `samples`: how many of the n are to be run; outputs after these (and those up to the next multiple of `CHUNK`) are
-      zero. Then n must be a multiple of `CHUNK`, and there is no reverse-mode derivative. None: all.
+    - `samples`: how many of the n are to be run; later outputs are zero. There is then no reverse-mode derivative.
+        None: all.
     """
     if samples is None:
         return jax.lax.scan(step, begin, inputs)[1]
@@ -42,14 +36,14 @@ def scan_samples(
     shapes = jax.eval_shape(lambda state, now: step(state, now)[1], begin, first)
     empty = jax.tree.map(lambda one: jnp.zeros((length, *one.shape), one.dtype), shapes)
 
-    def chunk(carry):
+    def sample(carry: tuple[Int[Array, ""], PyTree, PyTree]) -> tuple[Int[Array, ""], PyTree, PyTree]:
         place, state, outputs = carry
-        some = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, place, CHUNK), inputs)
-        state, found = jax.lax.scan(step, state, some)
+        now = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, place, keepdims=False), inputs)
+        state, found = step(state, now)
         outputs = jax.tree.map(
-            lambda whole, own: jax.lax.dynamic_update_slice_in_dim(whole, own, place, 0), outputs, found
+            lambda whole, own: jax.lax.dynamic_update_index_in_dim(whole, own, place, 0), outputs, found
         )
-        return place + CHUNK, state, outputs
+        return place + 1, state, outputs
 
     begin = (jnp.zeros((), samples.dtype), begin, empty)
-    return jax.lax.while_loop(lambda carry: carry[0] < samples, chunk, begin)[2]
+    return jax.lax.while_loop(lambda carry: carry[0] < samples, sample, begin)[2]

@@ -1,5 +1,6 @@
 """One step and one damping rule, driven from Python and inside a compiled loop; and why a descent ended."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -76,8 +77,13 @@ def test_a_step_is_judged_by_what_was_predicted():
     assert damping.tolist() == [0.2, 1.0, 8.0, 8.0, 8.0]
 
 
+# Outside of transformations by NumPy; inside by a compiled loop.
+DESCENTS = [levenberg_marquardt, eqx.filter_jit(levenberg_marquardt)]
+
+
+@pytest.mark.parametrize("descent", DESCENTS, ids=["step by step", "compiled"])
 @pytest.mark.parametrize("stepper", [OF_A_FIT, Stepper(longest=9.0)], ids=["of a fit", "of a diagnosis"])
-def test_the_compiled_loop_takes_the_same_steps_as_python(stepper):
+def test_a_descent_takes_the_steps_of_its_stepper(stepper, descent):
     """Every step of it, from a place from which some of them fail."""
     objective, vector = Bent(), jnp.asarray([-1.2, 1.0])
     unit = equal_curvature(objective, vector)
@@ -97,12 +103,12 @@ def test_the_compiled_loop_takes_the_same_steps_as_python(stepper):
         hessian, gradient = np.asarray(near.hessian * jnp.outer(unit, unit)), np.asarray(near.gradient * unit)
         proposed = vector + unit * stepper.step(hessian, gradient, damping)
     for count in (1, 2, 5, 12):
-        found = levenberg_marquardt(
-            objective, jnp.asarray([-1.2, 1.0]), unit, count, stepper=stepper, tolerance=1e-9
-        )
+        start = jnp.asarray([-1.2, 1.0])
+        found = descent(objective, start, unit, count, stepper=stepper, tolerance=1e-9)
         np.testing.assert_allclose(found.vector, places[count], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("descent", DESCENTS, ids=["step by step", "compiled"])
 @pytest.mark.parametrize(
     ("objective", "steps", "ending"),
     [
@@ -113,9 +119,9 @@ def test_the_compiled_loop_takes_the_same_steps_as_python(stepper):
     ],
     ids=lambda value: getattr(value, "name", type(value).__name__),
 )
-def test_a_compiled_descent_says_why_it_ended(objective, steps, ending):
+def test_a_descent_says_why_it_ended(objective, steps, ending, descent):
     vector = jnp.asarray([-1.2, 1.0]) if isinstance(objective, Bent) else jnp.zeros(2)
-    found = levenberg_marquardt(objective, vector, jnp.ones(2), steps)
+    found = descent(objective, vector, jnp.ones(2), steps)
     assert list(Ending)[int(found.ending)] is ending
     if ending is Ending.AT_REST:
         np.testing.assert_allclose(found.vector, [1.0, 1.0], atol=1e-2)

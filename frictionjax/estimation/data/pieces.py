@@ -41,11 +41,11 @@ class Run(NamedTuple):
     substeps: Int[Array | np.ndarray, ""]
 
 
-def pieces_of(lengths: Int[np.ndarray, " r"]) -> tuple[Piece, ...]:
-    """The pieces of recordings that have so many samples, those of about one length together."""
+def pieces_of(lengths: Int[np.ndarray, " r"], *, pairs: bool = False) -> tuple[Piece, ...]:
+    """The pieces of recordings that have so many samples, those of about one length together; `pairs`: of two rows."""
     order, pieces = np.argsort(-lengths, kind="stable"), []
     while order.size:
-        width = _FEW if order.size <= _FEW else _MANY
+        width = _FEW if pairs or order.size <= _FEW else _MANY
         rows, order = order[:width], order[width:]
         lanes = np.concatenate([rows, np.repeat(rows[-1:], width - rows.size)])
         samples = int(lengths[rows[0]])
@@ -105,6 +105,14 @@ def kept(source: object, key: Hashable, make: Callable[[], _T]) -> _T:
     if key not in known[1]:
         known[1][key] = make()
     return known[1][key]
+
+
+def put_in_order(parts: list[tuple[Piece, Array]], rows: int) -> Float[np.ndarray, " rows"]:
+    """A number of each row of all pieces, shape `(w,)` each, in the order of the recordings."""
+    whole = np.empty(rows)
+    for piece, part in parts:
+        whole[piece.rows] = np.asarray(part)[: piece.rows.size]
+    return whole
 
 
 def put_together(

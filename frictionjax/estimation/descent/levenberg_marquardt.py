@@ -1,4 +1,5 @@
-"""Weighted nonlinear least squares in a compiled loop of optimistix: the one file that knows it."""
+"""Weighted nonlinear least squares: step by step by NumPy, or, inside transformations, in a compiled loop of optimistix
+(this is the one file that knows it). Both take the same steps and end for the same reasons."""
 
 import functools
 from collections.abc import Callable
@@ -7,11 +8,15 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from scipy.linalg import solve_triangular
 
+from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.descent.stepper import Ending, Stepper
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
 
+_RELATIVE = 1e-3  # of coordinates and residuals: a smaller change is the last
 STRIDE = 5.0
 """Units are this many times the standard deviation of a coordinate alone: the first damping is then a twenty-fifth of
 the curvature."""
@@ -22,20 +27,39 @@ OF_A_FIT = Stepper(
 )
 
 
-def small_residuals(near: Quadratic) -> tuple[Float[Array, " q1"], Float[Array, "q1 q"]]:
+def small_residuals(near: Quadratic) -> tuple[Float[Numbers, " q1"], Float[Numbers, "q1 q"]]:
     """Residuals f, shape `(q + 1,)`, and a Jacobian A, shape `(q + 1, q)`, of the cost `near` a vector: f'f twice the
     cost, A'f the gradient, A'A the matrix.
 
     A least-squares solver uses nothing of a problem but these products, so a dozen residuals may stand for 100 000, and
     for a robust loss too: nothing that is as long as a recording has to be stored, stacked or factored.
     """
-    factor = jnp.linalg.cholesky(near.hessian)
-    along = jax.scipy.linalg.solve_triangular(factor, near.gradient, lower=True)
+    xp, (near,) = known(near)
+    factor, along = (_triangular if xp is np else _triangular_traced)(near.hessian, near.gradient)
     # The root is real: g'H^-1 g is at most the weighted squares, and rho is at least b rho', being concave.
-    last = jnp.sqrt(jnp.maximum(2.0 * near.cost - along @ along, 0.0))
-    return jnp.concatenate([along, last[None]]), jnp.concatenate(
-        [factor.T, jnp.zeros_like(near.gradient)[None]]
-    )
+    last = xp.sqrt(xp.maximum(2.0 * near.cost - along @ along, 0.0))
+    return xp.concatenate([along, last[None]]), xp.concatenate([factor.T, xp.zeros_like(near.gradient)[None]])
+
+
+def _triangular_traced(
+    hessian: Float[Array, "q q"], gradient: Float[Array, " q"]
+) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
+    """The triangular root L of the `hessian` LL', and L^-1 times the `gradient`; not finite where there is no root."""
+    factor = jnp.linalg.cholesky(hessian)
+    return factor, jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
+
+
+def _triangular(
+    hessian: Float[np.ndarray, "q q"], gradient: Float[np.ndarray, " q"]
+) -> tuple[Float[np.ndarray, "q q"], Float[np.ndarray, " q"]]:
+    """`_triangular_traced` by NumPy."""
+    if np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradient)):
+        try:
+            factor = np.linalg.cholesky(hessian)
+            return factor, solve_triangular(factor, gradient, lower=True)
+        except np.linalg.LinAlgError:  # not positive definite
+            pass
+    return np.full(hessian.shape, np.nan), np.full(gradient.shape, np.nan)
 
 
 @eqx.filter_custom_jvp
@@ -58,19 +82,26 @@ class Descent(NamedTuple):
     """Where a descent ended: `vector`, shape `(q,)`, its `cost`, the number of `steps`, the units of equal curvature
     there, `unit`, shape `(q,)`, as those of `equal_curvature`, and the number of the `ending` (`Ending.number`)."""
 
-    vector: Float[Array, " q"]
-    cost: Float[Array, ""]
-    steps: Int[Array, ""]
-    unit: Float[Array, " q"]
-    ending: Int[Array, ""]
+    vector: Float[Numbers, " q"]
+    cost: Float[Numbers, ""]
+    steps: Int[Numbers, ""]
+    unit: Float[Numbers, " q"]
+    ending: Int[Numbers, ""]
 
 
-@eqx.filter_jit
-def equal_curvature(objective: AbstractObjective, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+def equal_curvature(objective: AbstractObjective, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
     """Units in which the Gauss-Newton matrix of `objective` at `vector` has the same diagonal, shape `(q,)`."""
-    curvature = jnp.diag(objective.quadratic(vector).hessian)
+    xp = numpy_or_jax(objective, vector)
+    near = objective.near(vector) if xp is np else objective.quadratic(vector)
     # A run that overflows has no curvature: its coordinates keep their own unit.
-    return jnp.where(curvature > 0.0, STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), 1.0)
+    return _units(xp.diag(near.hessian), 1.0)
+
+
+def _units(curvature: Float[Numbers, " q"], unit: Float[Numbers, " q"] | float) -> Float[Numbers, " q"]:
+    """Times the `unit`, lengths of equal `curvature`; the unit itself where there is none."""
+    xp = numpy_or_jax(curvature)
+    curved = xp.where(curvature > 0.0, curvature, 1.0)
+    return xp.where(curvature > 0.0, unit * STRIDE / xp.sqrt(curved), unit)
 
 
 @functools.cache
@@ -131,7 +162,7 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
     class Solver(optx.AbstractGaussNewton):
         """Least squares by these steps."""
 
-        rtol: float = 1e-3
+        rtol: float = _RELATIVE
         atol: float = tolerance
         norm: Callable = optx.max_norm
         descent: Steps = Steps()
@@ -160,17 +191,16 @@ def _ending(result: Any) -> Int[Array, ""]:
     return found
 
 
-@eqx.filter_jit
 def levenberg_marquardt(
     objective: AbstractObjective,
-    vector: Float[Array, " q"],
-    unit: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
+    unit: Float[Numbers, " q"],
     max_steps: int,
     *,
     stepper: Stepper = OF_A_FIT,
     tolerance: float = 1e-2,
 ) -> Descent:
-    """At most `max_steps` Levenberg-Marquardt steps from `vector`, shape `(q,)`, in a compiled loop.
+    """At most `max_steps` Levenberg-Marquardt steps from `vector`, shape `(q,)`.
 
     A step that fails leaves the best vector so far; one shorter than `tolerance` units that also changes the residuals
     by no more is the last.
@@ -184,6 +214,9 @@ def levenberg_marquardt(
     - `stepper`: of the steps.
     - `tolerance`: of the last step, in units.
     """
+    xp, (vector, unit) = known(vector, unit)
+    if xp is np and numpy_or_jax(objective) is np:
+        return _step_by_step(objective, vector, unit, max_steps, stepper, tolerance)
     import optimistix as optx
 
     solution = optx.least_squares(
@@ -201,8 +234,49 @@ def levenberg_marquardt(
         vector + unit * solution.value,
         solution.state.f_info.as_min(),
         solution.stats["num_steps"],
-        jnp.where(
-            curvature > 0.0, unit * STRIDE / jnp.sqrt(jnp.where(curvature > 0.0, curvature, 1.0)), unit
-        ),
+        _units(curvature, unit),
         _ending(solution.result),
     )
+
+
+def _step_by_step(
+    objective: AbstractObjective,
+    vector: Float[np.ndarray, " q"],
+    unit: Float[np.ndarray, " q"],
+    max_steps: int,
+    stepper: Stepper,
+    tolerance: float,
+) -> Descent:
+    """`levenberg_marquardt` outside of transformations: nothing but the objective is compiled."""
+    place = proposed = np.zeros_like(vector)
+    residual, jacobian = np.zeros(vector.size + 1), np.zeros((vector.size + 1, vector.size))
+    damping, ending, number = np.asarray(stepper.damping), Ending.STEPS, 0
+    for number in range(1, max_steps + 1):
+        f, slope = small_residuals(objective.near(vector + unit * proposed))
+        slope, accepted, at_rest = slope * unit, True, False
+        if number > 1:
+            after = jacobian @ (proposed - place) + residual
+            predicted = 0.5 * (after @ after - residual @ residual)
+            accepted, damping = stepper.judged(damping, 0.5 * (f @ f - residual @ residual), predicted)
+        if accepted:
+            at_rest = _same(proposed, proposed - place, tolerance) and _same(f, f - residual, tolerance)
+            place, residual, jacobian = proposed, f, slope
+        if damping > stepper.most:
+            ending = Ending.NO_STEP
+            break
+        hessian, gradient = jacobian.T @ jacobian, jacobian.T @ residual
+        if not (np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradient))):
+            ending = Ending.NOT_FINITE
+            break
+        if at_rest:
+            ending = Ending.AT_REST
+            break
+        proposed = place + stepper.step(hessian, gradient, damping)
+    cost, curvature = 0.5 * residual @ residual, np.sum(jacobian * jacobian, axis=0)
+    number, ended = np.asarray(number), np.asarray(ending.number)
+    return Descent(vector + unit * place, np.asarray(cost), number, _units(curvature, unit), ended)
+
+
+def _same(values: Float[np.ndarray, " k"], change: Float[np.ndarray, " k"], tolerance: float) -> bool:
+    """Whether the `change` to these `values` is one that ends a descent, by the rule of optimistix."""
+    return bool(np.max(np.abs(change) / (tolerance + _RELATIVE * np.abs(values)), initial=0.0) < 1.0)

@@ -24,7 +24,7 @@ from frictionjax.estimation.descent.round import (
     with_unit,
 )
 from frictionjax.estimation.descent.stepper import Ending
-from frictionjax.estimation.evidence import Forces, Noise, Observed, Positions, filtered_on_all
+from frictionjax.estimation.evidence import Forces, Noise, Observed, Positions, filtered_in_pieces
 from frictionjax.estimation.objective.posterior import Posterior
 
 # Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still far off; then
@@ -129,7 +129,7 @@ class OneFit(AbstractRounds):
 
     def round(self, state: State, ratios: Float[np.ndarray, "r k"] | None) -> State:
         """`one_round` from `state` with these candidate `ratios`."""
-        return one_round(state, ratios, self.known, self.substeps, filtered_on_all)
+        return one_round(state, ratios, self.known, self.substeps, filtered_in_pieces)
 
     def started(self, state: State) -> Progress:
         """The progress at `state`, before any round."""
@@ -139,7 +139,7 @@ class OneFit(AbstractRounds):
         self, progress: Progress, before: State, after: State
     ) -> tuple[Progress, Bool[Array, ""], Bool[Array, ""]]:
         """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
-        return _judged(progress, before, after)
+        return judged(progress, before, after)
 
     def coulomb(self, state: State) -> Float[np.ndarray, ""]:
         """Coulomb friction at `state`."""
@@ -167,7 +167,7 @@ class ManyFits(AbstractRounds):
 
     def started(self, state: State) -> Progress:
         """The progress at `state`, before any round."""
-        return jax.tree.map(lambda leaf: jnp.full(state.vector.shape[0], leaf), _started())
+        return jax.tree.map(lambda leaf: np.full(state.vector.shape[0], leaf), _started())
 
     def judged(
         self, progress: Progress, before: State, after: State
@@ -185,11 +185,8 @@ class ManyFits(AbstractRounds):
 
 
 def _started() -> Progress:
-    none, no, inf = jnp.asarray(0), jnp.asarray(False), jnp.asarray(jnp.inf)
+    none, no, inf = np.asarray(0), np.asarray(False), np.asarray(np.inf)
     return Progress(none, inf, inf, none, no, inf, no, no)
-
-
-_judged = eqx.filter_jit(judged)
 
 
 @eqx.filter_jit
@@ -261,7 +258,7 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
 def at_start(posterior: Posterior, vector: Float[Array, "*d q"]) -> State:
     """A `State` before any round."""
     each = vector.shape[:-1]
-    cost, ending = jnp.full(each, jnp.inf), jnp.full(each, Ending.STEPS.number)
+    cost, ending = np.full(each, np.inf), np.full(each, Ending.STEPS.number)
     return State(posterior, vector, None, None, cost, ending)
 
 

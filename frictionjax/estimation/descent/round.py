@@ -6,10 +6,11 @@ The noise of each recording by its likelihood, then a few Levenberg-Marquardt st
 from collections.abc import Callable
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from frictionjax.core.arrays import Numbers
+from frictionjax.core.arrays import known as known_numbers
 from frictionjax.estimation.descent.levenberg_marquardt import STRIDE, equal_curvature, levenberg_marquardt
 from frictionjax.estimation.evidence import (
     Forces,
@@ -47,11 +48,11 @@ class State(eqx.Module):
     """
 
     posterior: Posterior
-    vector: Float[Array, "*d q"]
+    vector: Float[Numbers, "*d q"]
     noise: Noise | None
-    unit: Float[Array, "*d q"] | None
-    cost: Float[Array, "*d"]
-    ending: Int[Array, "*d"]
+    unit: Float[Numbers, "*d q"] | None
+    cost: Float[Numbers, "*d"]
+    ending: Int[Numbers, "*d"]
 
 
 class Progress(eqx.Module):
@@ -63,14 +64,14 @@ class Progress(eqx.Module):
     whether they have `ended`.
     """
 
-    rounds: Int[Array, "*d"]
-    last: Float[Array, "*d"]
-    least: Float[Array, "*d"]
-    worse: Int[Array, "*d"]
-    retried: Bool[Array, "*d"]
-    moved: Float[Array, "*d"]
-    converged: Bool[Array, "*d"]
-    ended: Bool[Array, "*d"]
+    rounds: Int[Numbers, "*d"]
+    last: Float[Numbers, "*d"]
+    least: Float[Numbers, "*d"]
+    worse: Int[Numbers, "*d"]
+    retried: Bool[Numbers, "*d"]
+    moved: Float[Numbers, "*d"]
+    converged: Bool[Numbers, "*d"]
+    ended: Bool[Numbers, "*d"]
 
 
 def with_likeliest_noise(
@@ -89,7 +90,7 @@ def with_likeliest_noise(
         of position.
     - `known`: recordings of position whose noise is given, shape `(r,)`.
     - `substeps`: integration steps per sample.
-    - `search`: `filtered`, or `filtered_on_all` outside of transformations.
+    - `search`: `filtered`, or `filtered_in_pieces` outside of transformations.
     """
     posterior, vector, noise = state.posterior, state.vector, state.noise
     drive, evidence = posterior.drive_of(vector), list(posterior.evidence)
@@ -99,9 +100,7 @@ def with_likeliest_noise(
             evidence[index] = one.with_noise_of(drive, z0)
         elif isinstance(one, Observed | Positions):
             batch = scored_from_the_start(one.batch) if isinstance(one, Observed) else one.batch
-            evidence[index], noise = search(
-                drive, z0, batch, jnp.asarray(ratios), jnp.asarray(known), substeps
-            )
+            evidence[index], noise = search(drive, z0, batch, ratios, known, substeps)
     own = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
     return State(own, vector, noise, state.unit, state.cost, state.ending)
 
@@ -124,7 +123,8 @@ def one_round(
     """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in
     `with_likeliest_noise`. Works inside transformations."""
     there = with_unit(with_likeliest_noise(state, ratios, known, substeps, search))
-    posterior, unit = there.posterior, jnp.asarray(there.unit)
+    posterior, unit = there.posterior, there.unit
+    assert unit is not None
     end = levenberg_marquardt(posterior, there.vector, unit, _STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     cost = end.cost + posterior.log_deviation
@@ -134,26 +134,27 @@ def one_round(
 
 def judged(
     progress: Progress, before: State, after: State
-) -> tuple[Progress, Bool[Array, ""], Bool[Array, ""]]:
+) -> tuple[Progress, Bool[Numbers, ""], Bool[Numbers, ""]]:
     """The stopping rule: the progress after the round from `before` to `after`, whether its steps have all failed, and
     whether it is the likeliest so far. Works inside transformations."""
+    xp, (progress, after, old, noise) = known_numbers(progress, after, before.vector, before.noise)
     cost, last = after.cost, progress.last
     # Every step failed: at the minimum, or where the cost is too curved for next to no damping.
-    failed = jnp.all(after.vector == before.vector) & ~progress.retried & (progress.rounds < ROUNDS - 1)
+    failed = xp.all(after.vector == old) & ~progress.retried & (progress.rounds < ROUNDS - 1)
     better = ~failed & (cost < progress.least)
-    far = jnp.max(jnp.abs(after.vector - before.vector) * STRIDE * NEAR_UNITS / jnp.asarray(after.unit))
+    far = xp.max(xp.abs(after.vector - old) * STRIDE * NEAR_UNITS / after.unit)
     at_rest = ~(far > SHORT_MOVE)
-    if before.noise is not None and after.noise is not None:
-        change = jnp.abs(jnp.log(after.noise.best) - jnp.log(before.noise.best))
-        at_rest = at_rest & jnp.all(change < _SAME_NOISE)
-    converged = ~failed & ((jnp.abs(last - cost) < SAME_COST) | at_rest)
+    if noise is not None and after.noise is not None:
+        change = xp.abs(xp.log(after.noise.best) - xp.log(noise.best))
+        at_rest = at_rest & xp.all(change < _SAME_NOISE)
+    converged = ~failed & ((xp.abs(last - cost) < SAME_COST) | at_rest)
     # Other weights may cost a round what the next ones win back.
-    worse = progress.worse + jnp.where(~failed & (cost > last), 1, 0)
+    worse = progress.worse + xp.where(~failed & (cost > last), 1, 0)
     rounds = progress.rounds + 1
     now = Progress(
         rounds=rounds,
-        last=jnp.where(failed & ~(cost < last), last, cost),
-        least=jnp.where(better, cost, progress.least),
+        last=xp.where(failed & ~(cost < last), last, cost),
+        least=xp.where(better, cost, progress.least),
         worse=worse,
         retried=failed | (progress.retried & ~better),
         moved=far,

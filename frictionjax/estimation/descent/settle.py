@@ -1,13 +1,12 @@
 """The first descent of a fit, from any start: robust Levenberg-Marquardt on a fixed-gain observer, side by side."""
 
-from collections.abc import Callable
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.objective.loss import Cauchy
 from frictionjax.estimation.objective.posterior import Posterior
@@ -20,18 +19,16 @@ _ENOUGH = 0.05  # a round at the noise that takes less than this part off the co
 _LEAST_GAIN = 1e-4  # or less than this
 
 
-def _over(function: Callable, each: bool) -> Callable:
-    """`function` of a posterior and of arrays, for many rows of the arrays; the posterior is the same for all, or, with
-    `each`, one for each row."""
-    return lambda posterior, *rows: jax.vmap(function, (0 if each else None, *(0,) * len(rows)))(
-        posterior, *rows
-    )
+def _powers(posterior: Posterior, vectors: Float[Numbers, "k q"], each: bool) -> Float[Numbers, "k b"]:
+    """Mean square of each block of all evidence, in noise levels, for each of `vectors`."""
+    if each:
+        return _powers_of_each(posterior, jnp.asarray(vectors))
+    found = [[one.power.ravel() for one in posterior.evaluated(vector)] for vector in vectors]
+    return np.stack([np.concatenate(own) for own in found])
 
 
 @eqx.filter_jit
-def _powers(posterior: Posterior, vectors: Float[Array, "k q"], each: bool) -> Float[Array, "k b"]:
-    """Mean square of each block of all evidence, in noise levels, for each of `vectors`."""
-
+def _powers_of_each(posteriors: Posterior, vectors: Float[Array, "k q"]) -> Float[Array, "k b"]:
     def one(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " b"]:
         found = []
         for index, evidence in enumerate(posterior.evidence):
@@ -39,35 +36,47 @@ def _powers(posterior: Posterior, vectors: Float[Array, "k q"], each: bool) -> F
             found.append(jnp.sum(e * e, axis=1) / jnp.maximum(evidence.count, 1.0))
         return jnp.concatenate(found)
 
-    return _over(one, each)(posterior, vectors)
+    return jax.vmap(one)(posteriors, vectors)
 
 
-@eqx.filter_jit
-def _units(posterior: Posterior, vectors: Float[Array, "k q"], each: bool) -> Float[Array, "k q"]:
-    return _over(equal_curvature, each)(posterior, vectors)
+def _units(posterior: Posterior, vectors: Float[Numbers, "k q"], each: bool) -> Float[Numbers, "k q"]:
+    if each:
+        return _units_of_each(posterior, jnp.asarray(vectors))
+    return np.stack([equal_curvature(posterior, vector) for vector in vectors])
 
 
-@eqx.filter_jit
+_units_of_each = eqx.filter_jit(jax.vmap(equal_curvature))
+
+
 def _round(
     posterior: Posterior,
-    vectors: Float[Array, "k q"],
-    units: Float[Array, "k q"],
-    scales: Float[Array, " k"],
+    vectors: Float[Numbers, "k q"],
+    units: Float[Numbers, "k q"],
+    scales: Float[np.ndarray, " k"],
     each: bool,
-) -> Float[Array, "k q"]:
+) -> Float[Numbers, "k q"]:
     """A few steps down the robust cost of each, with these `scales` of the loss."""
+    if each:
+        return _round_of_each(posterior, jnp.asarray(vectors), units, jnp.asarray(scales))
+    rows = zip(vectors, units, scales, strict=True)
+    return np.stack([_steps(posterior, vector, unit, scale) for vector, unit, scale in rows])
 
-    def one(
-        posterior: Posterior, vector: Float[Array, " q"], unit: Float[Array, " q"], scale: Float[Array, ""]
-    ) -> Float[Array, " q"]:
-        there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(scale))
-        return levenberg_marquardt(there, vector, unit, _STEPS).vector
 
-    return _over(one, each)(posterior, vectors, units, scales)
+def _steps(
+    posterior: Posterior,
+    vector: Float[Numbers, " q"],
+    unit: Float[Numbers, " q"],
+    scale: Float[Numbers, ""],
+) -> Float[Numbers, " q"]:
+    there = eqx.tree_at(lambda p: p.loss, posterior, Cauchy(scale))
+    return levenberg_marquardt(there, vector, unit, _STEPS).vector
+
+
+_round_of_each = eqx.filter_jit(jax.vmap(_steps))
 
 
 def robust_costs(
-    posterior: Posterior, vectors: Float[Array, "k q"], *, each: bool = False
+    posterior: Posterior, vectors: Float[Numbers, "k q"], *, each: bool = False
 ) -> Float[np.ndarray, " k"]:
     """Mean of log((1 + block power)/2)/2 over the scored samples at each of `vectors`: 0 at the noise; infinite where
     a run is not finite.
@@ -80,14 +89,10 @@ def robust_costs(
     return _costs(np.asarray(_powers(posterior, vectors, each)), np.asarray(_counts(posterior, each)))
 
 
-@eqx.filter_jit
-def _counts(posterior: Posterior, each: bool) -> Float[Array, " b"]:
+def _counts(posterior: Posterior, each: bool) -> Float[np.ndarray, " b"]:
     """Scored numbers in each block of all evidence; posteriors side by side score the same ones."""
-
-    def one(posterior: Posterior) -> Float[Array, " b"]:
-        return jnp.concatenate([evidence.count for evidence in posterior.evidence])
-
-    return jax.vmap(one)(posterior)[0] if each else one(posterior)
+    one = jax.tree.map(lambda leaf: np.asarray(leaf)[0], posterior) if each else posterior
+    return np.concatenate([np.asarray(evidence.count) for evidence in one.evidence])
 
 
 def _costs(powers: Float[np.ndarray, "k b"], count: Float[np.ndarray, " b"]) -> Float[np.ndarray, " k"]:
@@ -104,8 +109,8 @@ def _scales(
 
 
 def settle(
-    posterior: Posterior, vectors: Float[Array, "k q"], *, each: bool = False
-) -> tuple[Float[Array, "k q"], Float[np.ndarray, " k"]]:
+    posterior: Posterior, vectors: Float[Numbers, "k q"], *, each: bool = False
+) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"]]:
     """Bring down the robust cost of `posterior` from each of `vectors`, all side by side.
 
     The scale of the loss comes down from the upper quantiles of the block powers to the noise: with the scale at the
@@ -134,12 +139,12 @@ def settle(
                 continue
         if units is None:
             units = _units(posterior, vectors, each)
-        vectors = _round(posterior, vectors, units, jnp.asarray(scales), each)
+        vectors = _round(posterior, vectors, units, scales, each)
         powers = np.asarray(_powers(posterior, vectors, each))
         costs = _costs(powers, count)
         gained = least - costs
         better = gained > 0.0
-        best = jnp.where(jnp.asarray(better)[:, None], vectors, best)
+        best = np.where(better[:, None], np.asarray(vectors), np.asarray(best))
         least = np.where(better, costs, least)
         if quantile is None:
             vectors = best

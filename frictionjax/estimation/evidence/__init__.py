@@ -10,7 +10,7 @@ from frictionjax.estimation.evidence.imposed import Imposed as Imposed
 from frictionjax.estimation.evidence.positions import Noise as Noise
 from frictionjax.estimation.evidence.positions import Positions as Positions
 from frictionjax.estimation.evidence.positions import filtered as filtered
-from frictionjax.estimation.evidence.positions import filtered_on_all as filtered_on_all
+from frictionjax.estimation.evidence.positions import filtered_in_pieces as filtered_in_pieces
 from frictionjax.estimation.evidence.positions import scored_from_the_start as scored_from_the_start
 from frictionjax.estimation.evidence.response import Response as Response
 from frictionjax.estimation.evidence.response import make_response as make_response

@@ -1,7 +1,7 @@
 """Positions of a machine that is driven by a known force: prediction errors of a Kalman filter with given gains."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,9 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from frictionjax.core.arrays import Numbers, known
+from frictionjax.core.arrays import Numbers
+from frictionjax.core.arrays import known as known_numbers
+from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.pieces import Piece, padded, pieces_of
+from frictionjax.estimation.data.pieces import Piece, padded, pieces_of, put_in_order, put_together
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with
@@ -63,7 +65,7 @@ class Positions(AbstractMeasurement):
     @property
     def log_deviation(self) -> Float[Numbers, " b"]:
         """Sum of the logarithms of the standard deviations of the scored samples in each block, shape `(b,)`."""
-        xp, (valid, deviation) = known(self.batch.valid, self.deviation)
+        xp, (valid, deviation) = known_numbers(self.batch.valid, self.deviation)
         return xp.sum((valid * xp.log(deviation)).reshape(-1, self.batch.block), axis=1)
 
     @property
@@ -178,6 +180,19 @@ def filtered(
 
     The `Positions` with these gains, and their `Noise`.
     """
+    gain, deviation, noise = _searched(drive, z0, batch.with_substeps(substeps), ratio, known)
+    return Positions(batch, gain, deviation, substeps), noise
+
+
+def _searched(
+    drive: Drive,
+    z0: Float[Array, " r"],
+    batch: Batch,
+    ratio: Float[Array, "r k"],
+    known: Bool[Array, " r"],
+) -> tuple[Float[Array, "r n m"], Float[Array, "r n"], Noise]:
+    """Gains, deviations of the prediction errors, and noise of `filtered`, with the integration steps of the `batch`;
+    other arguments as there."""
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
     def one(
@@ -203,9 +218,19 @@ def filtered(
             quotient: Float[Array, ""],
         ) -> tuple[Float[Array, "n m"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]]:
             found = kalman_filter(
-                drive, force, x, dt, noise, quotient * noise, (x0, v0, z), spread, substeps=substeps
+                drive,
+                force,
+                x,
+                dt,
+                noise,
+                quotient * noise,
+                (x0, v0, z),
+                spread,
+                substeps=batch.steps,
+                samples=batch.samples,
             )
-            relative = found.variance / noise**2
+            # Beyond the samples that are run there is no variance.
+            relative = jnp.where(valid > 0.0, found.variance / noise**2, 1.0)
             left = jnp.sum(valid * found.innovation**2 / relative) / samples
             size = jnp.where(given, noise**2, left)
             cost = 0.5 * (samples * (jnp.log(size) + left / size) + jnp.sum(valid * jnp.log(relative)))
@@ -220,21 +245,21 @@ def filtered(
     gain, deviation, size, push, top = jax.vmap(one)(
         batch.u, batch.x, batch.dt, batch.noise, batch.x0, batch.v0, deflection, batch.valid, known, ratio
     )
-    return Positions(batch, gain, deviation, substeps), Noise(size, push, top)
+    return gain, deviation, Noise(size, push, top)
 
 
-def filtered_on_all(
+_searched_in_piece = compiled()(_searched)
+
+
+def filtered_in_pieces(
     drive: Drive,
-    z0: Float[Array, " r"],
+    z0: Float[np.ndarray, " r"],
     batch: Batch,
-    ratio: Float[Array, "r k"],
-    known: Bool[Array, " r"],
+    ratio: Float[np.ndarray, "r k"],
+    known: Bool[np.ndarray, " r"],
     substeps: int,
 ) -> tuple[Positions, Noise]:
-    """`filtered`, with the recordings spread over all devices: a thread for each feeds it.
-
-    One program over all devices (`shard_map`) would be the usual way. On CPU it took sixty times longer than one device
-    alone, for a reason that was not found (docs/benchmarks/simulation.md).
+    """`filtered`, two recordings at a time, for which one program is compiled, and on all cores.
 
     **Arguments:**
 
@@ -244,27 +269,21 @@ def filtered_on_all(
 
     The `Positions` and their `Noise`.
     """
-    rows, devices = batch.x.shape[0], jax.local_devices()
-    if rows < 2 or len(devices) < 2:
-        return filtered(drive, z0, batch, ratio, known, substeps)
-    shares = np.array_split(np.arange(rows), min(rows, len(devices)))
+    pieces, finer = pieces_of(batch.lengths, pairs=True), batch.with_substeps(substeps)
+    z0, ratio, known = (np.asarray(own) for own in (z0, ratio, known))
 
-    def run(share: Int[np.ndarray, " share"], device: Any) -> tuple[Positions, Noise]:
-        own = (z0, batch, ratio, known)
-        some = jax.tree.map(lambda leaf: np.asarray(leaf)[share], own)
-        z, part, ratios, given = jax.device_put(some, device)
-        return jax.block_until_ready(
-            filtered(jax.device_put(drive, device), z, part, ratios, given, substeps)
-        )
+    def run(piece: Piece) -> tuple[Float[Array, "w n m"], Float[Array, "w n"], Noise]:
+        own = (z0[piece.lanes], finer.piece(piece), ratio[piece.lanes], known[piece.lanes])
+        return jax.block_until_ready(_searched_in_piece(drive, *own))
 
-    with ThreadPoolExecutor(len(shares)) as threads:
-        parts = list(threads.map(run, shares, devices))
+    with ThreadPoolExecutor(min(len(pieces), os.cpu_count() or 1)) as threads:
+        parts = list(zip(pieces, threads.map(run, pieces), strict=True))
     gain, deviation = (
-        jnp.asarray(np.concatenate([np.asarray(getattr(one, name)) for one, _ in parts]))
-        for name in ("gain", "deviation")
+        put_together([(piece, found[place]) for piece, found in parts], *batch.x.shape) for place in (0, 1)
     )
-    noise = jax.tree.map(
-        lambda *leaves: jnp.asarray(np.concatenate([np.asarray(leaf) for leaf in leaves])),
-        *(own for _, own in parts),
-    )
-    return Positions(batch, gain, deviation, substeps), noise
+    noise = {
+        name: put_in_order([(piece, getattr(found[2], name)) for piece, found in parts], batch.x.shape[0])
+        for name in ("position", "push", "best")
+    }
+    deviation = np.where(deviation > 0.0, deviation, 1.0)
+    return Positions(batch, gain, deviation, substeps), Noise(**noise)

@@ -4,8 +4,10 @@ from abc import abstractmethod
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.data.batch import CLUSTER, rows_of
@@ -42,8 +44,17 @@ class AbstractObjective(eqx.Module):
     """A cost that a descent can bring down."""
 
     @abstractmethod
-    def quadratic(self, vector: Float[Numbers, " q"]) -> Quadratic:
-        """The cost near `vector`, shape `(q,)`."""
+    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
+        """The cost near `vector`, shape `(q,)`; inside compiled functions."""
+
+    def near(self, vector: Float[Numbers, " q"]) -> Quadratic:
+        """The cost near `vector`, shape `(q,)`, in arrays of NumPy."""
+        return jax.device_get(_near(self, jnp.asarray(vector)))
+
+
+@eqx.filter_jit
+def _near(objective: AbstractObjective, vector: Float[Array, " q"]) -> Quadratic:
+    return objective.quadratic(vector)
 
 
 class Evaluation(eqx.Module):
