@@ -1,6 +1,7 @@
 """Arrays of NumPy and of JAX: the same formulas for numbers that are known and inside transformations."""
 
 from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +9,12 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, PyTree
 
-Numbers = Array | np.ndarray
-"""An array of either library."""
+if TYPE_CHECKING:
+    # Their operators mix, which a checker that knows one type for each cannot follow.
+    Numbers = Any
+else:
+    Numbers = Array | np.ndarray
+    """An array of either library."""
 
 
 def numpy_or_jax(*trees: PyTree) -> ModuleType:

@@ -31,7 +31,8 @@ from jaxtyping import PyTree
 from frictionjax.core.errors import FrictionjaxWarning
 from frictionjax.core.setup import processor, programs_folder
 
-_P, _R = ParamSpec("_P"), TypeVar("_R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 _MOST = 400  # programs that a process keeps; those that were not used for longest are let go
 _PACKAGE = Path(__file__).parents[1]
 _BASE = ("core", "physics", "recordings", "excitation", "simulation", "frequency", "estimation")
@@ -91,7 +92,8 @@ class Compiled(Generic[_P, _R]):
             for place, array in zip(places, arrays, strict=True):
                 own[place] = array
             given, named = jax.tree.unflatten(structure, own)
-            found, shape = jax.tree.flatten(self._function(*given, **named))
+            whole = self._function(*given, **named)  # pyright: ignore[reportCallIssue]
+            found, shape = jax.tree.flatten(whole)
             results.append(jax.tree.unflatten(shape, range(len(found))))
             return found
 
@@ -114,9 +116,18 @@ class Compiled(Generic[_P, _R]):
         return hashlib.sha256((_surroundings(self._function.__module__) + text).encode()).hexdigest()
 
 
-def compiled(*, options: dict[str, Any] | None = None) -> Callable[[Callable[_P, _R]], Compiled[_P, _R]]:
+class _With(NamedTuple):
+    """A decorator that makes a function `Compiled`, with these `options`."""
+
+    options: dict[str, Any] | None
+
+    def __call__(self, function: Callable[_P, _R]) -> Compiled[_P, _R]:
+        return Compiled(function, self.options)
+
+
+def compiled(*, options: dict[str, Any] | None = None) -> _With:
     """A decorator that makes a function `Compiled`, with these `options` of XLA."""
-    return lambda function: Compiled(function, options)
+    return _With(options)
 
 
 def _kinds(tree: PyTree) -> set[type]:

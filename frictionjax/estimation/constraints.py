@@ -7,9 +7,10 @@ from typing import NoReturn
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from frictionjax.core import InputError, Parameter
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.safe import real
 from frictionjax.estimation.parameters import Free, base_layout, effect_layout, part_of
 from frictionjax.physics import Drive
@@ -28,7 +29,7 @@ class Tie(eqx.Module):
     label: str = eqx.field(static=True)
     source: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
-    factor: Float[Array, ""] = eqx.field(converter=real)
+    factor: Float[Numbers, ""] = eqx.field(converter=real)
 
 
 class Belief(eqx.Module):
@@ -39,10 +40,10 @@ class Belief(eqx.Module):
 
     label: str = eqx.field(static=True)
     path: str = eqx.field(static=True)
-    mean: Float[Array, ""] = eqx.field(converter=real)
-    std: Float[Array, ""] = eqx.field(converter=real)
+    mean: Float[Numbers, ""] = eqx.field(converter=real)
+    std: Float[Numbers, ""] = eqx.field(converter=real)
 
-    def value(self, drive: Drive) -> Float[Array, ""]:
+    def value(self, drive: Drive) -> Float[Numbers, ""]:
         """The parameter in `drive`."""
         return part_of(drive, self.path)
 
@@ -56,11 +57,11 @@ class Held(eqx.Module):
     """
 
     paths: tuple[str, ...] = eqx.field(static=True)
-    chosen: Float[Array, " p"]
-    mean: Float[Array, ""] = eqx.field(converter=real)
-    std: Float[Array, ""] = eqx.field(converter=real)
+    chosen: Float[Numbers, " p"]
+    mean: Float[Numbers, ""] = eqx.field(converter=real)
+    std: Float[Numbers, ""] = eqx.field(converter=real)
 
-    def value(self, drive: Drive) -> Float[Array, ""]:
+    def value(self, drive: Drive) -> Float[Numbers, ""]:
         """The parameter in `drive`."""
         return jnp.sum(self.chosen * jnp.stack([part_of(drive, path) for path in self.paths]))
 
@@ -208,7 +209,7 @@ def _beliefs(priors: Mapping[str, tuple[float, float]], known: Mapping[str, Free
     return tuple(found)
 
 
-def belief_residuals(beliefs: tuple[Belief | Held, ...], drive: Drive) -> Float[Array, " k"]:
+def belief_residuals(beliefs: tuple[Belief | Held, ...], drive: Drive) -> Float[Numbers, " k"]:
     """Residuals of the priors `beliefs` at `drive`, (value - mean) / std each, shape `(k,)`."""
     if not beliefs:
         return jnp.zeros(0)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
 from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import Constraints, resolve
 from frictionjax.estimation.data.batch import Batch, make_batch
 from frictionjax.estimation.data.observation import (
@@ -211,7 +212,7 @@ def _posterior(
     )
 
 
-def _vector(posterior: Posterior, drive: Drive) -> Float[Array, " q"]:
+def _vector(posterior: Posterior, drive: Drive) -> Float[Numbers, " q"]:
     count = posterior.parameters
     return changed(posterior.start, slice(count), pack(posterior.constraints.layout, drive))
 
@@ -250,7 +251,7 @@ def _inertia_is_unidentifiable(
 
 def _best(
     posterior: Posterior,
-    vectors: list[Float[Array, " q"]],
+    vectors: list[Float[Numbers, " q"]],
     given: int,
     starts: int,
     key: Key[Array, ""] | None,
@@ -294,14 +295,14 @@ def _best(
     return min(found, key=lambda one: one.cost)
 
 
-def _about(posterior: Posterior, vector: Float[Array, " q"]) -> Posterior:
+def _about(posterior: Posterior, vector: Float[Numbers, " q"]) -> Posterior:
     """`posterior` with its ranges and its weak prior about `vector`."""
     return eqx.tree_at(lambda p: p.start, posterior, vector)
 
 
 def _random(
-    posterior: Posterior, vector: Float[Array, " q"], starts: int, key: Key[Array, ""]
-) -> Float[Array, "k q"]:
+    posterior: Posterior, vector: Float[Numbers, " q"], starts: int, key: Key[Array, ""]
+) -> Float[Numbers, "k q"]:
     count = posterior.parameters
     logs = np.array([one.parameter.transform == "log" for one in posterior.constraints.layout])
     away = np.log(_SPREAD) * np.asarray(jax.random.uniform(key, (starts, count), minval=-1.0, maxval=1.0))

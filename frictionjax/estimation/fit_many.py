@@ -11,9 +11,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import resolve
 from frictionjax.estimation.data.batch import Batch, make_batch
 from frictionjax.estimation.descent.replicated import Found, Sets, fitted
@@ -232,7 +233,7 @@ def _keep_better(found: Found, again: Found, places: Int[np.ndarray, " k"]) -> N
 
 
 def _others(
-    vectors: Sequence[Float[Array, " q"]],
+    vectors: Sequence[Float[Numbers, " q"]],
     layout: tuple[Free, ...],
     template: Drive,
     first: Sequence[Recording],

@@ -11,10 +11,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree, Shaped
+from jaxtyping import Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
-from frictionjax.core.arrays import numpy_or_jax
+from frictionjax.core.arrays import Numbers, numpy_or_jax
 from frictionjax.core.programs import compiled
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
@@ -47,15 +47,15 @@ class Free(eqx.Module):
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
     label: str = eqx.field(static=True)
-    scale: Float[Array, ""] = eqx.field(converter=real, default=1.0)
-    upper: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
-    least: Float[Array, ""] = eqx.field(converter=real, default=-jnp.inf)
-    most: Float[Array, ""] = eqx.field(converter=real, default=jnp.inf)
+    scale: Float[Numbers, ""] = eqx.field(converter=real, default=1.0)
+    upper: Float[Numbers, ""] = eqx.field(converter=real, default=jnp.inf)
+    least: Float[Numbers, ""] = eqx.field(converter=real, default=-jnp.inf)
+    most: Float[Numbers, ""] = eqx.field(converter=real, default=jnp.inf)
     imposed: bool = eqx.field(static=True, default=False)
 
     def range(
-        self, start: Float[Array | np.ndarray, ""] | float
-    ) -> tuple[Float[Array | np.ndarray, ""] | float, Float[Array | np.ndarray, ""] | float]:
+        self, start: Float[Numbers, ""] | float
+    ) -> tuple[Float[Numbers, ""] | float, Float[Numbers, ""] | float]:
         """Admissible range of the coordinate of a parameter that starts at `start` (same coordinate)."""
         lower, upper = self.parameter.lower, self.upper
         xp = numpy_or_jax(start, upper)
@@ -115,7 +115,7 @@ def part_of(tree: PyTree, path: str) -> PyTree:
     return tree
 
 
-def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
+def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Numbers, " p"]:
     """The vector of `drive`'s free parameters, shape `(p,)`."""
     xp = numpy_or_jax(layout, drive)
     if xp is np:
@@ -144,7 +144,7 @@ def pack(layout: tuple[Free, ...], drive: Drive) -> Float[Array, " p"]:
 
 
 def unpack(
-    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Numbers, " p"], start: Float[Numbers, " p"]
 ) -> Drive:
     """`drive` with its free parameters set from `vector`; each stays inside its range."""
     xp = numpy_or_jax(layout, drive, vector, start)
@@ -179,10 +179,10 @@ def unpack(
 
 
 def changed(
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     where: int | np.integer | slice | Sequence | Shaped[np.ndarray, "..."],
-    values: float | Sequence | Float[Array | np.ndarray, "..."],
-) -> Float[Array, " q"]:
+    values: float | Sequence | Float[Numbers, "..."],
+) -> Float[Numbers, " q"]:
     """A copy of `vector` with these `values` at `where`; by NumPy, for which no shape is compiled."""
     new = np.array(vector)
     new[where] = values
@@ -190,7 +190,7 @@ def changed(
 
 
 def physical(
-    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Numbers, " p"], start: Float[Numbers, " p"]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
     """Physical values, shape `(p,)`, and their Jacobian by the vector, shape `(p, p)`: for the delta method."""
     values, jacobian = _physical(layout, drive, vector, start)
@@ -199,9 +199,9 @@ def physical(
 
 @compiled()
 def _physical(
-    layout: tuple[Free, ...], drive: Drive, vector: Float[Array, " p"], start: Float[Array, " p"]
-) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
-    def values(point: Float[Array, " p"]) -> Float[Array, " p"]:
+    layout: tuple[Free, ...], drive: Drive, vector: Float[Numbers, " p"], start: Float[Numbers, " p"]
+) -> tuple[Float[Numbers, " p"], Float[Numbers, "p p"]]:
+    def values(point: Float[Numbers, " p"]) -> Float[Numbers, " p"]:
         full = unpack(layout, drive, point, start)
         return jnp.stack([part_of(full, free.path) for free in layout])
 
@@ -209,8 +209,12 @@ def _physical(
 
 
 def touching(
-    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"], *, margin: float = 0.0
-) -> Bool[Array | np.ndarray, " p"]:
+    layout: tuple[Free, ...],
+    vector: Float[Numbers, " p"],
+    start: Float[Numbers, " p"],
+    *,
+    margin: float = 0.0,
+) -> Bool[Numbers, " p"]:
     """Which free parameters are at an end of their admissible range, or have their logarithm within `margin` of it;
     other arguments as in `unpack`. Works inside transformations."""
     xp = numpy_or_jax(layout, vector, start)
@@ -225,14 +229,18 @@ def touching(
 
 
 def at_a_bound(
-    layout: tuple[Free, ...], vector: Float[Array, " p"], start: Float[Array, " p"], *, margin: float = 0.0
+    layout: tuple[Free, ...],
+    vector: Float[Numbers, " p"],
+    start: Float[Numbers, " p"],
+    *,
+    margin: float = 0.0,
 ) -> tuple[str, ...]:
     """Labels of the free parameters that are `touching` an end of their admissible range; arguments as there."""
     ends = touching(layout, vector, start, margin=margin)
     return tuple(free.label for free, end in zip(layout, ends, strict=True) if end)
 
 
-def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Array, " q"]:
+def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Numbers, " q"]:
     """Inverse standard deviations of the weak prior for the parameters of `layout` and the starting deflections of
     so many `recordings`, shape `(q,)`."""
     deviation = [_PRIOR_LOG if free.parameter.transform == "log" else _PRIOR_STRENGTH for free in layout]

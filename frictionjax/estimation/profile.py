@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Key
 from scipy.stats import chi2
 
 from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS
@@ -86,7 +87,7 @@ class Bootstrap(eqx.Module):
         return float(2.0 * self.estimate[place] - high), float(2.0 * self.estimate[place] - low)
 
 
-def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Array, " q"]]:
+def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Numbers, " q"]]:
     if result.posterior is None or result.vector is None:
         raise InputError(
             f"`{verb}` needs the data of the fit, and a result that was read from a file has none",
@@ -98,11 +99,11 @@ def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Array, " q"]]
 
 @eqx.filter_jit
 def _held(
-    posterior: Posterior, vector: Float[Array, " q"], means: Float[Array, " k"]
-) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    posterior: Posterior, vector: Float[Numbers, " q"], means: Float[Numbers, " k"]
+) -> tuple[Float[Numbers, " k"], Float[Numbers, " k"]]:
     """Cost, and value of the held parameter, with the last prior at each of `means` and all others refitted."""
 
-    def one(mean: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    def one(mean: Float[Numbers, ""]) -> tuple[Float[Numbers, ""], Float[Numbers, ""]]:
         there = eqx.tree_at(lambda p: p.constraints.beliefs[-1].mean, posterior, mean)
         end = levenberg_marquardt(
             there,
@@ -172,11 +173,11 @@ def profile_likelihood(
 
 @eqx.filter_jit
 def _redrawn(
-    posterior: Posterior, vector: Float[Array, " q"], unit: Float[Array, " q"], keys: Key[Array, " d"]
-) -> Float[Array, "d p"]:
+    posterior: Posterior, vector: Float[Numbers, " q"], unit: Float[Numbers, " q"], keys: Key[Array, " d"]
+) -> Float[Numbers, "d p"]:
     drive = posterior.drive_of(vector)
 
-    def one(key: Key[Array, ""]) -> Float[Array, " p"]:
+    def one(key: Key[Array, ""]) -> Float[Numbers, " p"]:
         drawn = []
         for index, evidence in enumerate(posterior.evidence):
             if not isinstance(evidence, AbstractMeasurement):

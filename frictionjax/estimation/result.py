@@ -6,9 +6,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.descent.stepper import Ending
@@ -69,7 +70,7 @@ class FitResult(eqx.Module):
     message: str = eqx.field(static=True)
     at_bounds: tuple[str, ...] = eqx.field(static=True)
     posterior: Posterior | None = None
-    vector: Float[Array, " q"] | None = None
+    vector: Float[Numbers, " q"] | None = None
 
     @property
     def stderr(self) -> dict[str, float]:
@@ -79,11 +80,11 @@ class FitResult(eqx.Module):
 
 @compiled()
 def _values(
-    posterior: Posterior, vector: Float[Array, " q"]
-) -> tuple[Float[Array, " k"], Float[Array, "k q"]]:
+    posterior: Posterior, vector: Float[Numbers, " q"]
+) -> tuple[Float[Numbers, " k"], Float[Numbers, "k q"]]:
     """Values of the free and of the tied parameters, and their slopes by the vector."""
 
-    def values(point: Float[Array, " q"]) -> Float[Array, " k"]:
+    def values(point: Float[Numbers, " q"]) -> Float[Numbers, " k"]:
         drive = posterior.drive_of(point)
         free = [part_of(drive, one.path) for one in posterior.constraints.layout]
         return jnp.stack(free + [part_of(drive, tie.path) for tie in posterior.constraints.ties])
@@ -170,7 +171,7 @@ def make_result(
 
 
 def _noise_of(
-    refined: Refined, powers: tuple[Float[Array, "_ _"], ...], names: tuple[tuple[str, ...], ...]
+    refined: Refined, powers: tuple[Float[Numbers, "_ _"], ...], names: tuple[tuple[str, ...], ...]
 ) -> dict[str, RecordingNoise]:
     found = {}
     for evidence, blocks, own in zip(refined.posterior.evidence, powers, names, strict=True):

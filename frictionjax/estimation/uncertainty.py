@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from frictionjax.core import Estimate
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
 from frictionjax.estimation.parameters import Free, physical
@@ -150,7 +151,7 @@ def _longer(
 
 def estimates(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     covariance: Float[np.ndarray, "q q"],
     units: dict[str, str],
 ) -> dict[str, Estimate]:

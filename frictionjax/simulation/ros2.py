@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.physics import Bristles, Drive, Push, mean_of
 from frictionjax.simulation.load_side import contact, relaxed
 
@@ -25,7 +26,7 @@ _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 _BENT = 2.5
 
 
-Substeps = int | Int[Array, ""]
+Substeps = int | Int[Numbers, ""]
 """Number of integration steps a sample: of the program, or a number of the case, without a reverse-mode derivative."""
 
 

@@ -8,8 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
@@ -36,13 +37,13 @@ class ForceView(eqx.Module):
 
 @compiled()
 def _runs(
-    drive: Drive, batch: ImposedBatch, deflection: Float[Array, " r"]
-) -> tuple[Float[Array, "r n"], ...]:
+    drive: Drive, batch: ImposedBatch, deflection: Float[Numbers, " r"]
+) -> tuple[Float[Numbers, "r n"], ...]:
     sigma0, most = drive.friction.sigma0, drive.friction.Fs / drive.friction.sigma0
 
     def first_deflection(
-        x: Float[Array, " n"], force: Float[Array, " n"], dt: Float[Array, ""], earlier: Before
-    ) -> Float[Array, ""]:
+        x: Float[Numbers, " n"], force: Float[Numbers, " n"], dt: Float[Numbers, ""], earlier: Before
+    ) -> Float[Numbers, ""]:
         # The bristles carry what the other forces leave of the first measured force.
         others = run_imposed(drive, x[:2], dt, 0.0, earlier=earlier)[2][0]
         return jnp.clip((force[0] - others) / sigma0, -most, most)

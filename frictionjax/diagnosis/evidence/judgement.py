@@ -2,8 +2,9 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import Lead, shares, whole_misfits, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
@@ -34,7 +35,7 @@ class Judgement(eqx.Module):
     """
 
     drive: Drive
-    vector: Float[Array | np.ndarray, " q"]
+    vector: Float[Numbers, " q"]
     power: Float[np.ndarray, "r b"]
     held_out: Bool[np.ndarray, " r"]
     batch: AbstractBatch

@@ -8,8 +8,9 @@ blocks agree, at a robust quantile.
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.objective.posterior import Posterior
 
@@ -39,7 +40,7 @@ class Answer(eqx.Module):
         return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
 
 
-def answer_to_force(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Answer:
+def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule: Rule = Rule()) -> Answer:
     """How the innovations of the `posterior` at `vector` respond to a small white force, constant over each sample, and
     to noise.
 
@@ -84,7 +85,7 @@ def is_predictable(spread: Float[np.ndarray, "r b"], rule: Rule) -> Bool[np.ndar
 
 
 def scatter(
-    posterior: Posterior, vector: Float[Array, " q"], size: float, *, draws: int = _DRAWS
+    posterior: Posterior, vector: Float[Numbers, " q"], size: float, *, draws: int = _DRAWS
 ) -> Float[np.ndarray, "r b"]:
     """Power of the difference, in each block, shape `(r, b)`, between two runs of the `posterior` at `vector` with
     different unmeasured forces of the `size` (over Fc), in the mean of `draws`.
@@ -103,7 +104,7 @@ def scatter(
 
 def predictable(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     size: float,
     *,
     draws: int = _DRAWS,
@@ -124,8 +125,8 @@ def predictable(
 
 def _force_response(
     posterior: Posterior,
-    vector: Float[Array, " q"],
-    plain: Float[Array, "r n"],
+    vector: Float[Numbers, " q"],
+    plain: Float[Numbers, "r n"],
     size: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "r n"]:

@@ -6,8 +6,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
@@ -54,12 +55,12 @@ class _Along(eqx.Module):
     """One model along a piece of recordings, arrays of shape `(w, n)`: `free` run, residual `force`; of the observer
     `v`, `bend`, `innovation`, predicted position `x` and corrected `states`; and the motor force, `push`."""
 
-    free: Float[Array, "w n"]
-    force: Float[Array, "w n"]
-    v: Float[Array, "w n"]
-    bend: Float[Array, "w n"]
-    innovation: Float[Array, "w n"]
-    x: Float[Array, "w n"]
+    free: Float[Numbers, "w n"]
+    force: Float[Numbers, "w n"]
+    v: Float[Numbers, "w n"]
+    bend: Float[Numbers, "w n"]
+    innovation: Float[Numbers, "w n"]
+    x: Float[Numbers, "w n"]
     states: State
     push: Push
 
@@ -69,18 +70,18 @@ def _along(
     drive: Drive,
     batch: Batch,
     gains: Gains,
-    deflection: Float[Array, " w"],
-    first: Float[Array, " w"],
-    bandwidth: Float[Array, ""],
+    deflection: Float[Numbers, " w"],
+    first: Float[Numbers, " w"],
+    bandwidth: Float[Numbers, ""],
 ) -> _Along:
     def one(
-        u: Float[Array, " n"],
-        x: Float[Array, " n"],
-        dt: Float[Array, ""],
+        u: Float[Numbers, " n"],
+        x: Float[Numbers, " n"],
+        dt: Float[Numbers, ""],
         gains: Gains,
-        start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
-        x_first: Float[Array, ""],
-        length: Int[Array, ""],
+        start: tuple[Float[Numbers, ""], Float[Numbers, ""], Float[Numbers, ""], Before],
+        x_first: Float[Numbers, ""],
+        length: Int[Numbers, ""],
     ) -> _Along:
         force, before = drive.applied_force(u, dt), start[3]
         steps, samples = batch.steps, batch.samples
@@ -105,13 +106,13 @@ def _free_runs(
     drive: Drive,
     push: Push,
     states: State,
-    begin: Int[Array, " runs"],
-    dt: Float[Array, ""],
-    horizon: Int[Array, ""],
-    stride: Int[Array, ""],
-    steps: Int[Array, ""],
-) -> Float[Array, "runs room"]:
-    def one(state: State, begin: Int[Array, ""]) -> Float[Array, " room"]:
+    begin: Int[Numbers, " runs"],
+    dt: Float[Numbers, ""],
+    horizon: Int[Numbers, ""],
+    stride: Int[Numbers, ""],
+    steps: Int[Numbers, ""],
+) -> Float[Numbers, "runs room"]:
+    def one(state: State, begin: Int[Numbers, ""]) -> Float[Numbers, " room"]:
         return free_run(drive, push, state, begin, dt, horizon, stride, room=_ROOM, substeps=steps)
 
     return jax.vmap(one)(states, begin)

@@ -19,6 +19,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Backlash, Effort
 from frictionjax.diagnosis.evidence.noise_floor import gap_force, predictable
 from frictionjax.diagnosis.rule import Rule
@@ -35,7 +36,7 @@ _LEAST_LEFT = 0.05  # of the viscous friction that stays with the motor
 
 def load_ratio(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     stick_inertia: float | None,
     *,
     effort: Effort = Effort(),
@@ -48,7 +49,7 @@ def load_ratio(
     return ratio if effort.backlash.lightest < ratio < effort.backlash.heaviest else None
 
 
-def without_chaos(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rule = Rule()) -> Posterior:
+def without_chaos(posterior: Posterior, vector: Float[Numbers, " q"], *, rule: Rule = Rule()) -> Posterior:
     """`posterior` without the blocks in which two runs of the model `vector` part under a small unmeasured force:
     what is chaotic is not fitted."""
     whole = eqx.tree_at(lambda j: j.weights, posterior, (np.ones_like(posterior.weights[0]),))
@@ -57,13 +58,13 @@ def without_chaos(posterior: Posterior, vector: Float[Array, " q"], *, rule: Rul
 
 def search_backlash(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     deflection: float,
     ratio: float | None,
     *,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
-) -> Float[Array, " q"] | None:
+) -> Float[Numbers, " q"] | None:
     """The model with a load behind a gap that predicts sliding best.
 
     **Arguments:**
@@ -107,7 +108,7 @@ def search_backlash(
     return found
 
 
-def heavier(posterior: Posterior, vector: Float[Array, " q"], times: float | Array) -> Float[Array, " q"]:
+def heavier(posterior: Posterior, vector: Float[Numbers, " q"], times: float | Array) -> Float[Numbers, " q"]:
     """`vector` with the inertia `times` as large, where it is free; stiffness and damping stay what they were."""
     places, more = {free.path: place for place, free in enumerate(posterior.layout)}, float(np.log(times))
     if "J" not in places:
@@ -128,7 +129,7 @@ def _sliding(batch: AbstractBatch, deflection: float, budget: Backlash) -> Float
     return np.where(far > budget.slides * np.sum(scored, axis=1), 1.0, 0.0)
 
 
-def _free_load(posterior: Posterior, vector: Float[Array, " q"], ratio: float) -> Float[Array, " q"]:
+def _free_load(posterior: Posterior, vector: Float[Numbers, " q"], ratio: float) -> Float[Numbers, " q"]:
     """`vector` with a load of this `ratio`, and with the inertia of sliding: stiffness and damping stay what they
     were."""
     place = len(posterior.drive.effects) - 1
@@ -139,11 +140,11 @@ def _free_load(posterior: Posterior, vector: Float[Array, " q"], ratio: float) -
 
 
 def _around(
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     posterior: Posterior,
     gaps: Float[np.ndarray, " g"],
     shares: Sequence[float] | Float[np.ndarray, " s"],
-) -> list[Float[Array, " q"]]:
+) -> list[Float[Numbers, " q"]]:
     """`vector` at each of the `gaps` (position units), with each of these `shares` of the viscous friction the
     load's."""
     drive, place = posterior.drive_of(vector), len(posterior.drive.effects) - 1
@@ -158,8 +159,8 @@ def _around(
 
 
 def _with(
-    posterior: Posterior, vector: Float[Array, " q"], values: dict[str, float], place: int
-) -> Float[Array, " q"]:
+    posterior: Posterior, vector: Float[Numbers, " q"], values: dict[str, float], place: int
+) -> Float[Numbers, " q"]:
     """`vector` with these values of the effect at the `place`."""
     new = np.array(vector)
     for index, free in enumerate(posterior.layout):
@@ -171,8 +172,8 @@ def _with(
 
 
 def _best(
-    posterior: Posterior, models: list[Float[Array, " q"]], rows: Float[np.ndarray, " r"], scale: float
-) -> tuple[Float[Array, " q"], float]:
+    posterior: Posterior, models: list[Float[Numbers, " q"]], rows: Float[np.ndarray, " r"], scale: float
+) -> tuple[Float[Numbers, " q"], float]:
     """The best of the `models` by the recordings `rows` with a Cauchy loss of the power `scale`, and its cost."""
     costs = [misfit_of(power, rows, posterior.batch, scale) for power in posterior.powers(models)]
     best = int(np.argmin(costs))

@@ -4,8 +4,9 @@ import dataclasses
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, has_contacts
@@ -22,7 +23,7 @@ from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed, pack
 from frictionjax.physics.effects import AbstractLoadEffect
 
-Vector = Float[Array, " q"]
+Vector = Float[Numbers, " q"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +174,7 @@ def uncoupled(posterior: Posterior, vector: Vector) -> Vector:
     return heavier(posterior, vector, 1.0 / (1.0 - load.ratio))
 
 
-def _placed(posterior: Posterior, vector: Vector, estimate: Float[Array, " p"]) -> Vector:
+def _placed(posterior: Posterior, vector: Vector, estimate: Float[Numbers, " p"]) -> Vector:
     """`vector` with the `estimate` of a test: parameters, and the starting deflections of the fitted recordings."""
     count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
     places = np.concatenate([np.arange(count), count + rows])

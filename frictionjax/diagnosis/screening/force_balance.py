@@ -10,8 +10,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.start.driven import CLEARER
 from frictionjax.estimation.start.sliding import (
     WINDOWS,
@@ -122,8 +123,8 @@ def _names(effect: AbstractEffect) -> list[str]:
 def _forces(form: AbstractForceEffect, friction: LuGre, motion: SlidingMotion) -> Float[np.ndarray, "n k"]:
     """The force of each strength alone, at one, along the `motion`."""
 
-    def along(effect: AbstractForceEffect) -> Float[Array, " n"]:
-        def at(x: Float[Array, ""], v: Float[Array, ""], push: Float[Array, ""]) -> Float[Array, ""]:
+    def along(effect: AbstractForceEffect) -> Float[Numbers, " n"]:
+        def at(x: Float[Numbers, ""], v: Float[Numbers, ""], push: Float[Numbers, ""]) -> Float[Numbers, ""]:
             return effect.force(friction, Now(x, v, push, jnp.zeros(()), jnp.zeros(0)))
 
         return jax.vmap(at)(jnp.asarray(motion.x), jnp.asarray(motion.v), jnp.asarray(motion.force))

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import AbstractRecordings
@@ -15,7 +16,7 @@ from frictionjax.physics import Drive
 
 
 def errors_with_effect(
-    posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
+    posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]
 ) -> Float[np.ndarray, "k r n"]:
     """Standardised errors of the force for each of `vectors` of as many `posteriors`, which have one layout and may
     differ in fixed parameters, shape `(k, r, n)`."""
@@ -36,14 +37,14 @@ def errors_with_effect(
 def _side_by_side(
     model: Model,
     drives: Drive,
-    centres: Float[Array, "k p"],
+    centres: Float[Numbers, "k p"],
     recordings: AbstractRecordings,
-    parameters: Float[Array, "k p"],
-    z0: Float[Array, "k w"],
-) -> Float[Array, "k w n"]:
+    parameters: Float[Numbers, "k p"],
+    z0: Float[Numbers, "k w"],
+) -> Float[Numbers, "k w n"]:
     def lane(
-        drive: Drive, centre: Float[Array, " p"], parameters: Float[Array, " p"], z0: Float[Array, " w"]
-    ) -> Float[Array, "w n"]:
+        drive: Drive, centre: Float[Numbers, " p"], parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]
+    ) -> Float[Numbers, "w n"]:
         return recordings.standardised(Model(model.constraints, drive, centre).drive_of(parameters), z0)
 
     return jax.vmap(lane)(drives, centres, parameters, z0)

@@ -6,12 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.pieces import put_together
+from frictionjax.estimation.data.pieces import Piece, put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
@@ -67,7 +68,7 @@ class Present(eqx.Module):
     motion: list[Along] | None
 
     def lanes(
-        self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Array | np.ndarray, " q"]]]]
+        self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Numbers, " q"]]]]
     ) -> Iterator[Float[np.ndarray, "lanes r n"]]:
         """Standardised innovations of this model with one more effect, for each of the `blocks`: posteriors of one
         layout and as many vectors. The signals of the effect along the observed motion are injected. A block has
@@ -91,7 +92,7 @@ class Present(eqx.Module):
             yield from self._run([block])
 
     def _ready(
-        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
+        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]
     ) -> tuple[Float[np.ndarray, "k q"], list[Signals]]:
         """The `vectors` without the coordinates of the effect, and the signals of the effect at each of them, piece by
         piece."""
@@ -99,18 +100,14 @@ class Present(eqx.Module):
         old, more = len(self.posterior.layout), len(posteriors[0].layout)
         effects = _effects_at(posteriors, vectors)
         model = (self.drive.friction, self.drive.J, self.drive.motor_constant)
+        recordings = self.posterior.recordings
+        assert isinstance(recordings, Observed)
         signals = [
-            _signals(effects, model, motion, part.dt, part.before, part.samples)
-            for motion, part in zip(self.motion, self.parts, strict=True)
+            _signals_in(effects, model, motion, piece, part.batch)
+            for motion, (piece, part) in zip(self.motion, recordings.in_pieces(), strict=True)
         ]
         stack = np.stack([np.asarray(vector) for vector in vectors])
         return np.concatenate([stack[:, :old], stack[:, more:]], axis=1), signals
-
-    @property
-    def parts(self) -> list[Batch]:
-        """The recordings in pieces of fixed shapes."""
-        recordings = self.posterior.recordings
-        return [own.batch for _, own in recordings.in_pieces()]  # type: ignore[misc]
 
     def _run(
         self, blocks: list[tuple[Float[np.ndarray, "k q"], list[Signals]]]
@@ -121,6 +118,7 @@ class Present(eqx.Module):
         filled = [*blocks, *[blocks[-1]] * (_TOGETHER - len(blocks))]
         vectors = np.concatenate([own for own, _ in filled])
         recordings, count, found = self.posterior.recordings, self.posterior.parameters, []
+        assert isinstance(recordings, Observed)
         parts = zip(recordings.in_pieces(), self.motion, strict=True)
         for place, ((piece, observed), motion) in enumerate(parts):
             signals = tuple(own[place] for _, own in filled)
@@ -131,7 +129,7 @@ class Present(eqx.Module):
         return np.split(errors, np.cumsum([len(own) for own, _ in filled])[:-1])[: len(blocks)]
 
     def injected(
-        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
+        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]
     ) -> Float[np.ndarray, "k r n"]:
         """`lanes` for any number of `vectors` of one effect, with as many `posteriors`, shape `(k, r, n)`."""
         parts = [slice(first, first + BESIDE) for first in range(0, len(vectors), BESIDE)]
@@ -139,9 +137,7 @@ class Present(eqx.Module):
         return np.concatenate(list(found))[: len(vectors)]
 
 
-def _effects_at(
-    posteriors: Sequence[Posterior], vectors: Sequence[Float[Array | np.ndarray, " q"]]
-) -> AbstractEffect:
+def _effects_at(posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]) -> AbstractEffect:
     """The last effect of each of the `posteriors` at a free vector, as one with leaves of shape `(k,)`."""
     drive = posteriors[0].drive
     effect, place = drive.effects[-1], len(drive.effects) - 1
@@ -161,9 +157,9 @@ def _effects_at(
 
 
 @compiled()
-def _motion(drive: Drive, deflection: Float[Array, " w"], batch: Batch, gains: Gains) -> Along:
+def _motion(drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains: Gains) -> Along:
     def one(
-        u: Float[Array, " n"], x: Float[Array, " n"], dt: Float[Array, ""], gains: Gains, start: Start
+        u: Float[Numbers, " n"], x: Float[Numbers, " n"], dt: Float[Numbers, ""], gains: Gains, start: Start
     ) -> Along:
         force, steps, samples = drive.applied_force(u, dt), batch.steps, batch.samples
         observed = observe(drive, force, x, dt, gains, start, substeps=steps, samples=samples)
@@ -172,23 +168,37 @@ def _motion(drive: Drive, deflection: Float[Array, " w"], batch: Batch, gains: G
     return batch.each(one, gains, deflection * drive.friction.Fs / drive.friction.sigma0)
 
 
+def _signals_in(
+    effects: AbstractEffect,
+    model: tuple[LuGre, Float[Numbers, ""], Float[Numbers, ""]],
+    motion: Along,
+    piece: Piece,
+    batch: Batch,
+) -> Signals:
+    """Signals of the `effects` in a `piece` of recordings, its `batch`, by its own `motion`; leaves of shape
+    `(k, w, ...)`. One recording after the other: there is a program for each form, but not for each width."""
+    found = []
+    for row in range(piece.rows.size):
+        known, dt, before = jax.tree.map(
+            lambda leaf, row=row: np.asarray(np.asarray(leaf)[row]), (motion, batch.dt, batch.before)
+        )
+        found.append(_signals(effects, model, known, dt, before, batch.samples))
+    found += [found[-1]] * (piece.lanes.size - piece.rows.size)
+    return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves], axis=1), *found)
+
+
 @compiled()
 def _signals(
     effects: AbstractEffect,
-    model: tuple[LuGre, Float[Array, ""], Float[Array, ""]],
-    motion: Along,
-    dt: Float[Array, " w"],
+    model: tuple[LuGre, Float[Numbers, ""], Float[Numbers, ""]],
+    known: Along,
+    dt: Float[Numbers, ""],
     before: Before,
-    samples: Int[Array, ""],
+    samples: Int[Numbers, ""],
 ) -> Signals:
     # Nothing here depends on the effects of the model: each form is compiled once.
     def lane(effect: AbstractEffect) -> Signals:
-        friction, inertia, motor_constant = model
-
-        def one(known: Along, dt: Float[Array, ""], before: Before) -> Signals:
-            return signals_along(friction, inertia, motor_constant, effect, known, dt, before, samples)
-
-        return jax.vmap(one)(motion, dt, before)
+        return signals_along(*model, effect, known, dt, before, samples)
 
     return jax.vmap(lane)(effects)
 
@@ -197,11 +207,11 @@ def _signals(
 def _injected_lanes(
     model: Model,
     recordings: Observed,
-    parameters: Float[Array, "k p"],
-    z0: Float[Array, "k w"],
+    parameters: Float[Numbers, "k p"],
+    z0: Float[Numbers, "k w"],
     push: Push,
     signals: tuple[Signals, ...],
-) -> Float[Array, "k w n"]:
+) -> Float[Numbers, "k w n"]:
     batch, gains = recordings.batch, recordings.gains
     drives = jax.vmap(model.drive_of)(parameters)
     deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
@@ -238,7 +248,7 @@ def _weighing(
     return Weighing(weight, base, gram, base @ e.ravel(), sum_clusters(weighted * fine[None], block))
 
 
-def present_model(posterior: Posterior, vector: Float[Array, " q"]) -> Present:
+def present_model(posterior: Posterior, vector: Float[Numbers, " q"]) -> Present:
     """The model of a `posterior` at the fitted `vector`, linearised on its fitted recordings."""
     rows = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
     # Evaluated with the held-out ones: that program is compiled already.

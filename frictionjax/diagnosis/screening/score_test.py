@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import f
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.screening.linearised import BESIDE, Present
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
@@ -45,7 +46,7 @@ class Trial(eqx.Module):
     effect: str = eqx.field(static=True)
     form: AbstractEffect
     posterior: Posterior
-    vector: Float[Array, " q"]
+    vector: Float[Numbers, " q"]
     gain: float
     linear_gain: float
     p_value: float
@@ -53,7 +54,7 @@ class Trial(eqx.Module):
     detectable: dict[str, float] = eqx.field(static=True)
     shown: float
     absorbed: float
-    valley: Float[Array, " q"]
+    valley: Float[Numbers, " q"]
 
 
 def forms_to_try(

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
 
@@ -207,7 +206,7 @@ def before_piece(before: Before, piece: Piece) -> Before:
     rest = lanes_of(
         {name: getattr(before, name) for name in ("clock", "rest", "duration", "temperature")}, piece
     )
-    return Before(**earlier, **rest)
+    return _before(**earlier, **rest)
 
 
 def white_level(values: Float[np.ndarray, " n"]) -> float:
@@ -262,14 +261,20 @@ def what_was_before(recordings: tuple[Recording, ...]) -> Before:
     shared = np.unique(starts).size > 1
     earlier = (ago > 0.0) & shared
     rest = [min((s - e for e in ends if e <= s + 1e-9), default=s) if shared else 1.0 for s in starts]
-    return Before(
-        clock=jnp.asarray(starts),
-        rest=jnp.asarray(np.maximum(rest, 0.0)),
-        path=jnp.asarray(np.where(earlier, np.array(paths)[None, :], 0.0)),
-        age=jnp.asarray(np.where(earlier, ago, 0.0)),
-        duration=jnp.asarray([r.duration for r in recordings]),
-        temperature=jnp.asarray(_temperatures(recordings)),
+    return _before(
+        clock=starts,
+        rest=np.maximum(rest, 0.0),
+        path=np.where(earlier, np.array(paths)[None, :], 0.0),
+        age=np.where(earlier, ago, 0.0),
+        duration=np.array([r.duration for r in recordings]),
+        temperature=_temperatures(recordings),
     )
+
+
+def _before(**numbers: Float[np.ndarray, "..."]) -> Before:
+    """A `Before` of these arrays as they are: its own converter would compile something for each shape."""
+    names = (field.name for field in dataclasses.fields(Before))
+    return jax.tree.unflatten(jax.tree.structure(Before()), [numbers[name] for name in names])
 
 
 def _temperatures(recordings: tuple[Recording, ...]) -> Float[np.ndarray, "r k"]:

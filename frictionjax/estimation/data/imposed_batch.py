@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from frictionjax.core import InputError
 from frictionjax.core.arrays import Numbers
@@ -84,14 +84,14 @@ class ImposedBatch(AbstractBatch):
         return np.asarray(self.ease) ** 2
 
     def along(
-        self, drive: Drive, z0: Float[Array, " r"]
-    ) -> tuple[Float[Array, "r n"], Float[Array, "r n bristles"], Float[Array, "r n"]]:
+        self, drive: Drive, z0: Float[Numbers, " r"]
+    ) -> tuple[Float[Numbers, "r n"], Float[Numbers, "r n bristles"], Float[Numbers, "r n"]]:
         """Velocity, deflection of every bristle and friction force of `drive` along the imposed motions; `z0` is the
         deflection at the first sample, position units. Works under jit, vmap and in derivatives."""
 
         def one(
-            x: Float[Array, " n"], dt: Float[Array, ""], z: Float[Array, ""], earlier: Before
-        ) -> tuple[Float[Array, " n"], Float[Array, "n bristles"], Float[Array, " n"]]:
+            x: Float[Numbers, " n"], dt: Float[Numbers, ""], z: Float[Numbers, ""], earlier: Before
+        ) -> tuple[Float[Numbers, " n"], Float[Numbers, "n bristles"], Float[Numbers, " n"]]:
             return run_imposed(drive, x, dt, z, earlier=earlier, samples=self.samples)
 
         return jax.vmap(one)(self.x, self.dt, z0, self.before)

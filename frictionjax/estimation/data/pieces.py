@@ -7,13 +7,14 @@ of the pieces is cut to size and put together by NumPy.
 """
 
 import weakref
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Literal, NamedTuple, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
+
+from frictionjax.core.arrays import Numbers
 
 _T = TypeVar("_T")
 
@@ -37,8 +38,8 @@ class Run(NamedTuple):
     """What is a number of the case in a piece, and of the program otherwise: the `samples` to be run along, and the
     integration `substeps` a sample."""
 
-    samples: Int[Array | np.ndarray, ""]
-    substeps: Int[Array | np.ndarray, ""]
+    samples: Int[Numbers, ""]
+    substeps: Int[Numbers, ""]
 
 
 def pieces_of(lengths: Int[np.ndarray, " r"], *, pairs: bool = False) -> tuple[Piece, ...]:
@@ -66,14 +67,14 @@ def lanes_of(tree: PyTree, piece: Piece) -> PyTree:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[piece.lanes], tree)
 
 
-def earlier_of(values: Float[Array | np.ndarray, "r k"], piece: Piece) -> Float[np.ndarray, "w m"]:
+def earlier_of(values: Float[Numbers, "r k"], piece: Piece) -> Float[np.ndarray, "w m"]:
     """The lanes of the `piece` of what was before each recording; zeros follow."""
     own = np.asarray(values)[piece.lanes]
     return np.pad(own, ((0, 0), (0, _room(own.shape[1], _EARLIER) - own.shape[1])))
 
 
 def padded(
-    values: Float[Array | np.ndarray, "r n ..."],
+    values: Float[Numbers, "r n ..."],
     piece: Piece,
     beyond: Literal["last", "zero", "line"] = "last",
 ) -> Float[Array, "w m ..."]:
@@ -84,11 +85,11 @@ def padded(
         own = np.asarray(values)[piece.lanes, : piece.length]
         more = piece.length - own.shape[1]
         if beyond == "zero" or not more:
-            return jnp.asarray(np.pad(own, ((0, 0), (0, more), *((0, 0),) * (own.ndim - 2))))
+            return jax.device_put(np.pad(own, ((0, 0), (0, more), *((0, 0),) * (own.ndim - 2))))
         tail = np.repeat(own[:, -1:], more, axis=1)
         if beyond == "line":
             tail = tail + (own[:, -1:] - own[:, -2:-1]) * np.arange(1, more + 1)
-        return jnp.asarray(np.concatenate([own, tail], axis=1))
+        return jax.device_put(np.concatenate([own, tail], axis=1))
 
     return kept(values, (tuple(piece.lanes), piece.length, beyond), make)
 
@@ -107,7 +108,7 @@ def kept(source: object, key: Hashable, make: Callable[[], _T]) -> _T:
     return known[1][key]
 
 
-def put_in_order(parts: list[tuple[Piece, Array]], rows: int) -> Float[np.ndarray, " rows"]:
+def put_in_order(parts: Sequence[tuple[Piece, Numbers]], rows: int) -> Float[np.ndarray, " rows"]:
     """A number of each row of all pieces, shape `(w,)` each, in the order of the recordings."""
     whole = np.empty(rows)
     for piece, part in parts:
@@ -116,7 +117,7 @@ def put_in_order(parts: list[tuple[Piece, Array]], rows: int) -> Float[np.ndarra
 
 
 def put_together(
-    parts: list[tuple[Piece, Array]], rows: int, samples: int, axis: int = 0
+    parts: Sequence[tuple[Piece, Numbers]], rows: int, samples: int, axis: int = 0
 ) -> Float[np.ndarray, "..."]:
     """The rows of all pieces, cut to `samples`: arrays with the lanes at `axis` and the samples behind it."""
     shape = list(parts[0][1].shape)

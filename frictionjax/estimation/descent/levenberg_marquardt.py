@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import solve_triangular
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
@@ -42,8 +42,8 @@ def small_residuals(near: Quadratic) -> tuple[Float[Numbers, " q1"], Float[Numbe
 
 
 def _triangular_traced(
-    hessian: Float[Array, "q q"], gradient: Float[Array, " q"]
-) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
+    hessian: Float[Numbers, "q q"], gradient: Float[Numbers, " q"]
+) -> tuple[Float[Numbers, "q q"], Float[Numbers, " q"]]:
     """The triangular root L of the `hessian` LL', and L^-1 times the `gradient`; not finite where there is no root."""
     factor = jnp.linalg.cholesky(hessian)
     return factor, jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
@@ -63,14 +63,14 @@ def _triangular(
 
 
 @eqx.filter_custom_jvp
-def _residual(point: Float[Array, " q"], objective: AbstractObjective) -> Float[Array, " q1"]:
+def _residual(point: Float[Numbers, " q"], objective: AbstractObjective) -> Float[Numbers, " q1"]:
     return small_residuals(objective.quadratic(point))[0]
 
 
 @_residual.def_jvp
 def _residual_jvp(
-    primals: tuple[Float[Array, " q"], AbstractObjective], tangents: tuple[Float[Array, " q"], Any]
-) -> tuple[Float[Array, " q1"], Float[Array, " q1"]]:
+    primals: tuple[Float[Numbers, " q"], AbstractObjective], tangents: tuple[Float[Numbers, " q"], Any]
+) -> tuple[Float[Numbers, " q1"], Float[Numbers, " q1"]]:
     # The Jacobian is made once, dense, in forward mode. Left to itself `linearize` would store the whole scan and
     # walk through it again for every column: four times slower on long records.
     point, objective = primals
@@ -117,19 +117,19 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
         """Steps of `stepper`; for the search, the size of a step is the inverse of its damping."""
 
         def init(
-            self, y: Float[Array, " q"], f_info_struct: Any
-        ) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
+            self, y: Float[Numbers, " q"], f_info_struct: Any
+        ) -> tuple[Float[Numbers, "q q"], Float[Numbers, " q"]]:
             return jnp.zeros((y.size, y.size)), jnp.zeros_like(y)
 
         def query(
-            self, y: Float[Array, " q"], f_info: Any, state: Any
-        ) -> tuple[Float[Array, "q q"], Float[Array, " q"]]:
+            self, y: Float[Numbers, " q"], f_info: Any, state: Any
+        ) -> tuple[Float[Numbers, "q q"], Float[Numbers, " q"]]:
             jacobian = f_info.jac.as_matrix()
             return jacobian.T @ jacobian, jacobian.T @ f_info.residual
 
         def step(
-            self, step_size: Float[Array, ""], state: tuple[Float[Array, "q q"], Float[Array, " q"]]
-        ) -> tuple[Float[Array, " q"], Any]:
+            self, step_size: Float[Numbers, ""], state: tuple[Float[Numbers, "q q"], Float[Numbers, " q"]]
+        ) -> tuple[Float[Numbers, " q"], Any]:
             step = jnp.asarray(stepper.step(*state, 1.0 / step_size))
             sound = jnp.all(jnp.isfinite(step))
             return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
@@ -137,18 +137,18 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
     class Damping(optx.AbstractSearch):
         """The damping of `stepper`: a step is accepted where it lowers the cost."""
 
-        def init(self, y: Float[Array, " q"], f_info_struct: Any) -> Float[Array, ""]:
+        def init(self, y: Float[Numbers, " q"], f_info_struct: Any) -> Float[Numbers, ""]:
             return jnp.asarray(stepper.damping)
 
         def step(
             self,
-            first_step: Bool[Array, ""],
-            y: Float[Array, " q"],
-            y_eval: Float[Array, " q"],
+            first_step: Bool[Numbers, ""],
+            y: Float[Numbers, " q"],
+            y_eval: Float[Numbers, " q"],
             f_info: Any,
             f_eval_info: Any,
-            state: Float[Array, ""],
-        ) -> tuple[Float[Array, ""], Bool[Array, ""], Any, Float[Array, ""]]:
+            state: Float[Numbers, ""],
+        ) -> tuple[Float[Numbers, ""], Bool[Numbers, ""], Any, Float[Numbers, ""]]:
             step, residual = y_eval - y, f_info.residual
             after = f_info.jac.mv(step) + residual
             predicted = 0.5 * (after @ after - residual @ residual)
@@ -176,7 +176,7 @@ def _silent(**_: object) -> None:
     """No output: optimistix reports every step."""
 
 
-def _ending(result: Any) -> Int[Array, ""]:
+def _ending(result: Any) -> Int[Numbers, ""]:
     """The number of the `Ending` that a `result` of optimistix stands for."""
     import optimistix as optx
 

@@ -9,8 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Bool, Float, PyTree
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.round import (
     NEAR_TOLERANCE,
@@ -55,7 +56,7 @@ class Refined(eqx.Module):
         return self.state.posterior
 
     @property
-    def vector(self) -> Float[Array, "*d q"]:
+    def vector(self) -> Float[Numbers, "*d q"]:
         """The free coordinates."""
         return self.state.vector
 
@@ -106,7 +107,7 @@ class AbstractRounds(eqx.Module):
     @abstractmethod
     def judged(
         self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Array, "*d"], Bool[Array, "*d"]]:
+    ) -> tuple[Progress, Bool[Numbers, "*d"], Bool[Numbers, "*d"]]:
         """The stopping rule `judged`."""
 
     @abstractmethod
@@ -114,7 +115,7 @@ class AbstractRounds(eqx.Module):
         """Coulomb friction at `state`."""
 
     @abstractmethod
-    def where(self, chosen: Bool[Array, "*d"], this: PyTree, other: PyTree) -> PyTree:
+    def where(self, chosen: Bool[Numbers, "*d"], this: PyTree, other: PyTree) -> PyTree:
         """`this` where `chosen`, else the `other`."""
 
 
@@ -137,7 +138,7 @@ class OneFit(AbstractRounds):
 
     def judged(
         self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Array, ""], Bool[Array, ""]]:
+    ) -> tuple[Progress, Bool[Numbers, ""], Bool[Numbers, ""]]:
         """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
         return judged(progress, before, after)
 
@@ -145,7 +146,7 @@ class OneFit(AbstractRounds):
         """Coulomb friction at `state`."""
         return np.asarray(state.posterior.drive_of(state.vector).friction.Fc)
 
-    def where(self, chosen: Bool[Array, ""], this: PyTree, other: PyTree) -> PyTree:
+    def where(self, chosen: Bool[Numbers, ""], this: PyTree, other: PyTree) -> PyTree:
         """`this` where `chosen`, else the `other`."""
         return this if bool(chosen) else other
 
@@ -171,7 +172,7 @@ class ManyFits(AbstractRounds):
 
     def judged(
         self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Array, " d"], Bool[Array, " d"]]:
+    ) -> tuple[Progress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
         """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
         return _judged_each(progress, before, after)
 
@@ -179,7 +180,7 @@ class ManyFits(AbstractRounds):
         """Coulomb friction at `state`."""
         return np.asarray(_coulomb_each(state))
 
-    def where(self, chosen: Bool[Array, " d"], this: PyTree, other: PyTree) -> PyTree:
+    def where(self, chosen: Bool[Numbers, " d"], this: PyTree, other: PyTree) -> PyTree:
         """`this` where `chosen`, else the `other`."""
         return _where_each(chosen, this, other)
 
@@ -192,7 +193,7 @@ def _started() -> Progress:
 @eqx.filter_jit
 def _judged_each(
     progress: Progress, before: State, after: State
-) -> tuple[Progress, Bool[Array, " d"], Bool[Array, " d"]]:
+) -> tuple[Progress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
     return jax.vmap(judged)(progress, before, after)
 
 
@@ -214,13 +215,13 @@ def _rounds(
 
 
 @eqx.filter_jit
-def _coulomb_each(state: State) -> Float[Array, " d"]:
+def _coulomb_each(state: State) -> Float[Numbers, " d"]:
     return jax.vmap(lambda own: own.posterior.drive_of(own.vector).friction.Fc)(state)
 
 
 @eqx.filter_jit
-def _where_each(chosen: Bool[Array, " d"], this: PyTree, other: PyTree) -> PyTree:
-    def one(own: Bool[Array, ""], this: PyTree, other: PyTree) -> PyTree:
+def _where_each(chosen: Bool[Numbers, " d"], this: PyTree, other: PyTree) -> PyTree:
+    def one(own: Bool[Numbers, ""], this: PyTree, other: PyTree) -> PyTree:
         return jax.tree.map(lambda a, b: jnp.where(own, a, b), this, other)
 
     return jax.vmap(one)(chosen, this, other)
@@ -255,7 +256,7 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
     return found
 
 
-def at_start(posterior: Posterior, vector: Float[Array, "*d q"]) -> State:
+def at_start(posterior: Posterior, vector: Float[Numbers, "*d q"]) -> State:
     """A `State` before any round."""
     each = vector.shape[:-1]
     cost, ending = np.full(each, np.inf), np.full(each, Ending.STEPS.number)

@@ -4,8 +4,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.refine import ManyFits, at_start, refine
 from frictionjax.estimation.descent.round import State
 from frictionjax.estimation.descent.settle import robust_costs, settle
@@ -22,13 +23,13 @@ class Sets(eqx.Module):
     **Attributes:** `u`, `x`, `noise`, `x0`, `v0` as in `Batch`; `vector` and `other`: two starts.
     """
 
-    u: Float[Array | np.ndarray, "d r n"]
-    x: Float[Array | np.ndarray, "d r n"]
-    noise: Float[Array | np.ndarray, "d r"]
-    x0: Float[Array | np.ndarray, "d r"]
-    v0: Float[Array | np.ndarray, "d r"]
-    vector: Float[Array | np.ndarray, "d q"]
-    other: Float[Array | np.ndarray, "d q"]
+    u: Float[Numbers, "d r n"]
+    x: Float[Numbers, "d r n"]
+    noise: Float[Numbers, "d r"]
+    x0: Float[Numbers, "d r"]
+    v0: Float[Numbers, "d r"]
+    vector: Float[Numbers, "d q"]
+    other: Float[Numbers, "d q"]
 
 
 class Found(eqx.Module):
@@ -50,10 +51,10 @@ class Found(eqx.Module):
 
 
 @eqx.filter_jit
-def _posteriors(posterior: Posterior, sets: Sets, vectors: Float[Array | np.ndarray, "d q"]) -> Posterior:
+def _posteriors(posterior: Posterior, sets: Sets, vectors: Float[Numbers, "d q"]) -> Posterior:
     """The `posterior` with the numbers of each data set, about its own of `vectors`; leaves of shape `(d, ...)`."""
 
-    def one(own: Sets, start: Float[Array, " q"]) -> Posterior:
+    def one(own: Sets, start: Float[Numbers, " q"]) -> Posterior:
         batch = eqx.tree_at(
             lambda b: (b.u, b.x, b.noise, b.x0, b.v0),
             posterior.batch,
@@ -65,7 +66,7 @@ def _posteriors(posterior: Posterior, sets: Sets, vectors: Float[Array | np.ndar
 
 
 @eqx.filter_jit
-def _within(posteriors: Posterior, vectors: Float[Array, "d q"]) -> tuple[Posterior, Float[Array, "d q"]]:
+def _within(posteriors: Posterior, vectors: Float[Numbers, "d q"]) -> tuple[Posterior, Float[Numbers, "d q"]]:
     """The `vectors` inside their ranges, and the `posteriors` about them."""
     inside = jax.vmap(lambda posterior, vector: posterior.within(vector))(posteriors, vectors)
     return eqx.tree_at(lambda p: p.start, posteriors, inside), inside
@@ -119,11 +120,11 @@ def fitted(posterior: Posterior, sets: Sets, *, substeps: int, first_descent: bo
 def _near(
     states: State,
 ) -> tuple[
-    Float[Array, "d p"],
-    Float[Array, "d p q"],
-    Float[Array, "d q q"],
-    Float[Array, "d c q"],
-    Float[Array, "d r m k k"],
+    Float[Numbers, "d p"],
+    Float[Numbers, "d p q"],
+    Float[Numbers, "d q q"],
+    Float[Numbers, "d c q"],
+    Float[Numbers, "d r m k k"],
 ]:
     """Values of the parameters and their slopes by the vector, matrix of the cost, gradients and curvatures of its
     clusters, of each of `states`."""
@@ -131,11 +132,11 @@ def _near(
     def one(
         state: State,
     ) -> tuple[
-        Float[Array, " p"],
-        Float[Array, "p q"],
-        Float[Array, "q q"],
-        Float[Array, "c q"],
-        Float[Array, "r m k k"],
+        Float[Numbers, " p"],
+        Float[Numbers, "p q"],
+        Float[Numbers, "q q"],
+        Float[Numbers, "c q"],
+        Float[Numbers, "r m k k"],
     ]:
         there, vector = state.posterior, state.vector
         evaluations = there.evaluate(vector)
@@ -143,7 +144,7 @@ def _near(
         parts = (there.loss, there.weights[0], there.places[0], there.fitted[0])
         bent = cluster_curvatures(evaluations[0], *parts)
 
-        def values(point: Float[Array, " q"]) -> Float[Array, " p"]:
+        def values(point: Float[Numbers, " q"]) -> Float[Numbers, " p"]:
             drive = there.drive_of(point)
             return jnp.stack([part_of(drive, free.path) for free in there.layout])
 

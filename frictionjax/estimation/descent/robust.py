@@ -8,8 +8,9 @@ follow on their own.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.stepper import Ending, Stepper
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
@@ -25,7 +26,7 @@ class Fitted(NamedTuple):
     """Where a descent ended: `vector`, shape `(q,)`, the cost `near` it with the loss at the noise, its `misfit` per
     sample, and the `ending`."""
 
-    vector: Float[Array, " q"]
+    vector: Float[Numbers, " q"]
     near: Quadratic
     misfit: float
     ending: Ending
@@ -44,13 +45,13 @@ class Fitted(NamedTuple):
 class _Point(NamedTuple):
     """A vector, and what was evaluated there."""
 
-    vector: Float[Array, " q"]
+    vector: Float[Numbers, " q"]
     evaluations: tuple[Evaluation, ...]
 
 
 def descend(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     *,
     graduate: bool = True,
     steps: int = 30,
@@ -77,7 +78,7 @@ def descend(
     return Fitted(point.vector, near, misfit, ending)
 
 
-def level_out(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+def level_out(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
     """Bring down, from `vector`, a nearly quadratic cost: only the largest blocks are weighed down.
 
     The robust cost ignores what it cannot explain: with friction that differs by direction it may fit one direction to
@@ -89,7 +90,7 @@ def level_out(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, 
     return point.vector
 
 
-def _point(posterior: Posterior, vector: Float[Array, " q"]) -> _Point:
+def _point(posterior: Posterior, vector: Float[Numbers, " q"]) -> _Point:
     vector = np.asarray(vector)
     return _Point(vector, posterior.evaluated(vector))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.arrays import known as known_numbers
@@ -76,8 +76,8 @@ class Progress(eqx.Module):
 
 def with_likeliest_noise(
     state: State,
-    ratios: Float[Array | np.ndarray, "r k"] | None,
-    known: Bool[Array | np.ndarray, " r"],
+    ratios: Float[Numbers, "r k"] | None,
+    known: Bool[Numbers, " r"],
     substeps: int,
     search: Callable = filtered,
 ) -> State:
@@ -115,8 +115,8 @@ def with_unit(state: State) -> State:
 
 def one_round(
     state: State,
-    ratios: Float[Array | np.ndarray, "r k"] | None,
-    known: Bool[Array | np.ndarray, " r"],
+    ratios: Float[Numbers, "r k"] | None,
+    known: Bool[Numbers, " r"],
     substeps: int,
     search: Callable = filtered,
 ) -> State:

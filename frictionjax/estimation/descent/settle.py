@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
@@ -28,8 +28,8 @@ def _powers(posterior: Posterior, vectors: Float[Numbers, "k q"], each: bool) ->
 
 
 @eqx.filter_jit
-def _powers_of_each(posteriors: Posterior, vectors: Float[Array, "k q"]) -> Float[Array, "k b"]:
-    def one(posterior: Posterior, vector: Float[Array, " q"]) -> Float[Array, " b"]:
+def _powers_of_each(posteriors: Posterior, vectors: Float[Numbers, "k q"]) -> Float[Numbers, "k b"]:
+    def one(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " b"]:
         found = []
         for index, evidence in enumerate(posterior.evidence):
             e = posterior.errors(vector, index)

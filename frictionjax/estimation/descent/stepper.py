@@ -8,9 +8,9 @@ from enum import Enum
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from frictionjax.core.arrays import numpy_or_jax
+from frictionjax.core.arrays import Numbers, numpy_or_jax
 
 _LEAST_CURVATURE = 1e-12  # of a coordinate: one without any is not scaled by it
 
@@ -56,11 +56,11 @@ class Stepper(eqx.Module):
 
     def step(
         self,
-        hessian: Float[Array | np.ndarray, "q q"],
-        gradient: Float[Array | np.ndarray, " q"],
-        damping: Float[Array | np.ndarray, ""] | float,
+        hessian: Float[Numbers, "q q"],
+        gradient: Float[Numbers, " q"],
+        damping: Float[Numbers, ""] | float,
         longest: Float[np.ndarray, " q"] | float | None = None,
-    ) -> Float[Array | np.ndarray, " q"]:
+    ) -> Float[Numbers, " q"]:
         """The step from a place where the cost has this `gradient` and Gauss-Newton `hessian`.
 
         **Arguments:**
@@ -79,10 +79,10 @@ class Stepper(eqx.Module):
 
     def judged(
         self,
-        damping: Float[Array | np.ndarray, ""] | float,
-        change: Float[Array | np.ndarray, ""] | float,
-        predicted: Float[Array | np.ndarray, ""] | float = 0.0,
-    ) -> tuple[Bool[Array | np.ndarray, ""] | bool | np.bool, Float[Array | np.ndarray, ""]]:
+        damping: Float[Numbers, ""] | float,
+        change: Float[Numbers, ""] | float,
+        predicted: Float[Numbers, ""] | float = 0.0,
+    ) -> tuple[Bool[Numbers, ""] | bool | np.bool, Float[Numbers, ""]]:
         """Whether a step is accepted, and the damping of the next one.
 
         **Arguments:**

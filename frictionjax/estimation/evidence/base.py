@@ -27,7 +27,7 @@ class AbstractEvidence(eqx.Module):
         """Samples to which the recordings are padded; 0 for evidence without recordings."""
 
     @abstractmethod
-    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+    def errors(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "b n"]:
         """Errors of `drive` over their standard deviations, 0 where not scored, shape `(b, n)`; `z0` is the starting
         deflection of each row over Fs/sigma0."""
 
@@ -58,7 +58,9 @@ class AbstractMeasurement(AbstractEvidence):
     """Evidence with a noise of its own: other data, as likely under a model, can be drawn from it."""
 
     @abstractmethod
-    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "AbstractMeasurement":
+    def replica(
+        self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]
+    ) -> "AbstractMeasurement":
         """The same measurement made again on `drive`, which starts at `z0`: data drawn with `key` from the model and
         the noise."""
 
@@ -95,12 +97,12 @@ class AbstractRecordings(AbstractEvidence):
         """Samples to which the recordings are padded."""
         return self.batch.x.shape[1]
 
-    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+    def errors(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "b n"]:
         """The `standardised` errors of `drive`, which starts at `z0`, in blocks."""
         return self.standardised(drive, z0).reshape(-1, self.batch.block)
 
     @abstractmethod
-    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
+    def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Prediction errors of `drive` over what the noise alone makes of them, 0 where not scored, shape `(rows, n)`:
         1 in the mean square for a perfect model, at any sample rate.
 
@@ -111,7 +113,7 @@ class AbstractRecordings(AbstractEvidence):
         """
 
     @abstractmethod
-    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+    def side_by_side(self, drives: Drive, z0: Float[Numbers, "k rows"]) -> Float[Numbers, "k rows n"]:
         """The `standardised` errors of `k` `drives`, leaves of shape `(k, ...)`, that start at `z0`."""
 
     @abstractmethod

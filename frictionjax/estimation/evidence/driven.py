@@ -3,10 +3,10 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.signal import lfilter
 
-from frictionjax.core.arrays import known
+from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import Piece, lanes_of
 from frictionjax.estimation.evidence.base import AbstractRecordings
@@ -33,25 +33,25 @@ class Observed(AbstractRecordings):
         """The recordings of a `piece`, of its shape."""
         return Observed(self.batch.piece(piece), lanes_of(self.gains, piece))
 
-    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
+    def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
         under the sensor's noise alone."""
         batch = self.batch
 
         def one(
-            u: Float[Array, " n"],
-            x: Float[Array, " n"],
-            dt: Float[Array, ""],
+            u: Float[Numbers, " n"],
+            x: Float[Numbers, " n"],
+            dt: Float[Numbers, ""],
             gains: Gains,
-            start: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""], Before],
-        ) -> Float[Array, " n"]:
+            start: tuple[Float[Numbers, ""], Float[Numbers, ""], Float[Numbers, ""], Before],
+        ) -> Float[Numbers, " n"]:
             force = drive.applied_force(u, dt)
             return innovations(drive, force, x, dt, gains, start, substeps=batch.steps, samples=batch.samples)
 
         raw = batch.each(one, self.gains, z0 * drive.friction.Fs / drive.friction.sigma0)
         return raw / (batch.noise * innovation_gain(self.gains))[:, None] * batch.valid
 
-    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+    def side_by_side(self, drives: Drive, z0: Float[Numbers, "k rows"]) -> Float[Numbers, "k rows n"]:
         """The same of `k` `drives`, which start at `z0`, as rows of one batch."""
         batch = self.batch
         deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]

@@ -79,17 +79,19 @@ class Forces(AbstractMeasurement):
         xp, (valid, noise) = known(self.valid, self.noise)
         return xp.sum((valid * xp.log(noise)[:, None]).reshape(-1, self.block), axis=1)
 
-    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+    def errors(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "b n"]:
         """Modelled less measured force of `drive` over its noise, shape `(b, n)`; `z0` over Fs/sigma0."""
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
-        def one(x: Float[Array, " n"], dt: Float[Array, ""], z: Float[Array, ""]) -> Float[Array, " n"]:
+        def one(
+            x: Float[Numbers, " n"], dt: Float[Numbers, ""], z: Float[Numbers, ""]
+        ) -> Float[Numbers, " n"]:
             return imposed_friction(drive, x, dt, z, substeps=self.substeps, samples=self.run_along)
 
         raw = jax.vmap(one)(self.x, self.dt, deflection) - self.force
         return (raw / self.noise[:, None] * self.valid).reshape(-1, self.block)
 
-    def with_noise_of(self, drive: Drive, z0: Float[Array, " rows"]) -> "Forces":
+    def with_noise_of(self, drive: Drive, z0: Float[Numbers, " rows"]) -> "Forces":
         """The same data with the noise that `drive` leaves in each recording, or that is known; `z0` as in `errors`."""
         error = (self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]) ** 2
         samples = jnp.sum(self.valid, axis=1)
@@ -98,7 +100,7 @@ class Forces(AbstractMeasurement):
         found = jnp.maximum(spread, _LEAST * level)
         return eqx.tree_at(lambda e: e.noise, self, jnp.where(jnp.isnan(self.known), found, self.known))
 
-    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Forces":
+    def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "Forces":
         """The friction of `drive` in the same motion from `z0`, with noise drawn with `key`."""
         error = self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]
         drawn = self.force + error + self.noise[:, None] * jax.random.normal(key, self.force.shape)

@@ -2,8 +2,9 @@
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
 from frictionjax.estimation.data.pieces import Piece
 from frictionjax.estimation.evidence.base import AbstractRecordings
@@ -22,13 +23,13 @@ class Imposed(AbstractRecordings):
         """The recordings of a `piece`, of its shape."""
         return Imposed(self.batch.piece(piece))
 
-    def standardised(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "rows n"]:
+    def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Measured less modelled force of `drive`, which starts at `z0` (over Fs/sigma0), over its noise."""
         batch = self.batch
         errors = batch.force - batch.along(drive, z0 * drive.friction.Fs / drive.friction.sigma0)[2]
         return errors / (batch.ease * batch.noise)[:, None] * batch.valid
 
-    def side_by_side(self, drives: Drive, z0: Float[Array, "k rows"]) -> Float[Array, "k rows n"]:
+    def side_by_side(self, drives: Drive, z0: Float[Numbers, "k rows"]) -> Float[Numbers, "k rows n"]:
         """The same of `k` `drives`, which start at `z0`."""
         return jax.vmap(self.standardised)(drives, z0)
 

@@ -34,8 +34,8 @@ class Positions(AbstractMeasurement):
     """
 
     batch: Batch
-    gain: Float[Array, "r n m"]
-    deviation: Float[Array, "r n"]
+    gain: Float[Numbers, "r n m"]
+    deviation: Float[Numbers, "r n"]
     substeps: int = eqx.field(static=True)
 
     @property
@@ -73,20 +73,20 @@ class Positions(AbstractMeasurement):
         """Integration steps a sample."""
         return self.substeps if self.batch.run is None else self.batch.run.substeps
 
-    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+    def errors(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "b n"]:
         """Prediction errors of `drive` over their standard deviations, shape `(b, n)`; `z0` over Fs/sigma0."""
         batch = self.batch
         deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
         def one(
-            u: Float[Array, " n"],
-            x: Float[Array, " n"],
-            dt: Float[Array, ""],
-            x0: Float[Array, ""],
-            v0: Float[Array, ""],
-            z: Float[Array, ""],
-            gain: Float[Array, "n m"],
-        ) -> Float[Array, " n"]:
+            u: Float[Numbers, " n"],
+            x: Float[Numbers, " n"],
+            dt: Float[Numbers, ""],
+            x0: Float[Numbers, ""],
+            v0: Float[Numbers, ""],
+            z: Float[Numbers, ""],
+            gain: Float[Numbers, "n m"],
+        ) -> Float[Numbers, " n"]:
             force = drive.applied_force(u, dt)
             steps, samples = self.steps, batch.samples
             return predicted_with(drive, force, x, dt, gain, (x0, v0, z), substeps=steps, samples=samples)
@@ -94,7 +94,7 @@ class Positions(AbstractMeasurement):
         raw = jax.vmap(one)(batch.u, batch.x, batch.dt, batch.x0, batch.v0, deflection, self.gain)
         return (raw / self.deviation * batch.valid).reshape(-1, batch.block)
 
-    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Positions":
+    def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "Positions":
         """The recordings made again on `drive` from `z0` with the same input: innovations drawn with `key` stand for
         sensor noise and unmeasured force, and the gains of the filter propagate them, as in its model."""
         batch = self.batch
@@ -102,14 +102,14 @@ class Positions(AbstractMeasurement):
         drawn = self.deviation * jax.random.normal(key, batch.x.shape)
 
         def one(
-            u: Float[Array, " n"],
-            dt: Float[Array, ""],
-            x0: Float[Array, ""],
-            v0: Float[Array, ""],
-            z: Float[Array, ""],
-            gain: Float[Array, "n m"],
-            innovation: Float[Array, " n"],
-        ) -> Float[Array, " n"]:
+            u: Float[Numbers, " n"],
+            dt: Float[Numbers, ""],
+            x0: Float[Numbers, ""],
+            v0: Float[Numbers, ""],
+            z: Float[Numbers, ""],
+            gain: Float[Numbers, "n m"],
+            innovation: Float[Numbers, " n"],
+        ) -> Float[Numbers, " n"]:
             force = drive.applied_force(u, dt)
             return driven_by(drive, force, innovation, dt, gain, (x0, v0, z), substeps=self.substeps)
 
@@ -125,9 +125,9 @@ class Noise(eqx.Module):
     units; `best`: the likeliest ratio of the two, interpolated between those that were tried; shape `(r,)` each.
     """
 
-    position: Float[Array | np.ndarray, "*d r"]
-    push: Float[Array | np.ndarray, "*d r"]
-    best: Float[Array | np.ndarray, "*d r"]
+    position: Float[Numbers, "*d r"]
+    push: Float[Numbers, "*d r"]
+    best: Float[Numbers, "*d r"]
 
 
 def scored_from_the_start(batch: Batch) -> Batch:
@@ -136,7 +136,9 @@ def scored_from_the_start(batch: Batch) -> Batch:
     return eqx.tree_at(lambda b: b.valid, batch, np.asarray(inside, dtype=float))
 
 
-def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Int[Array, ""]) -> Float[Array, ""]:
+def _top(
+    ratios: Float[Numbers, " k"], costs: Float[Numbers, " k"], best: Int[Numbers, ""]
+) -> Float[Numbers, ""]:
     """Ratio at the vertex of the parabola (over its logarithm) through the `best` candidate and its neighbours."""
     middle = jnp.clip(best, 1, ratios.shape[0] - 2)
     places = middle + jnp.array([-1, 0, 1])
@@ -157,10 +159,10 @@ def _top(ratios: Float[Array, " k"], costs: Float[Array, " k"], best: Int[Array,
 @eqx.filter_jit
 def filtered(
     drive: Drive,
-    z0: Float[Array, " r"],
+    z0: Float[Numbers, " r"],
     batch: Batch,
-    ratio: Float[Array, "r k"],
-    known: Bool[Array, " r"],
+    ratio: Float[Numbers, "r k"],
+    known: Bool[Numbers, " r"],
     substeps: int,
 ) -> tuple[Positions, Noise]:
     """Gains of the likeliest of k ratios of unmeasured force to position noise, for each recording on its own.
@@ -186,27 +188,33 @@ def filtered(
 
 def _searched(
     drive: Drive,
-    z0: Float[Array, " r"],
+    z0: Float[Numbers, " r"],
     batch: Batch,
-    ratio: Float[Array, "r k"],
-    known: Bool[Array, " r"],
-) -> tuple[Float[Array, "r n m"], Float[Array, "r n"], Noise]:
+    ratio: Float[Numbers, "r k"],
+    known: Bool[Numbers, " r"],
+) -> tuple[Float[Numbers, "r n m"], Float[Numbers, "r n"], Noise]:
     """Gains, deviations of the prediction errors, and noise of `filtered`, with the integration steps of the `batch`;
     other arguments as there."""
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
     def one(
-        u: Float[Array, " n"],
-        x: Float[Array, " n"],
-        dt: Float[Array, ""],
-        noise: Float[Array, ""],
-        x0: Float[Array, ""],
-        v0: Float[Array, ""],
-        z: Float[Array, ""],
-        valid: Float[Array, " n"],
-        given: Bool[Array, ""],
-        ratios: Float[Array, " k"],
-    ) -> tuple[Float[Array, "n m"], Float[Array, " n"], Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        u: Float[Numbers, " n"],
+        x: Float[Numbers, " n"],
+        dt: Float[Numbers, ""],
+        noise: Float[Numbers, ""],
+        x0: Float[Numbers, ""],
+        v0: Float[Numbers, ""],
+        z: Float[Numbers, ""],
+        valid: Float[Numbers, " n"],
+        given: Bool[Numbers, ""],
+        ratios: Float[Numbers, " k"],
+    ) -> tuple[
+        Float[Numbers, "n m"],
+        Float[Numbers, " n"],
+        Float[Numbers, ""],
+        Float[Numbers, ""],
+        Float[Numbers, ""],
+    ]:
         force = drive.applied_force(u, dt)
         head = jnp.maximum(_HEAD / dt, 10.0)
         # A machine that is read as moving may as well be setting off: then the reading is a mean over the way.
@@ -215,8 +223,8 @@ def _searched(
         samples = jnp.sum(valid)
 
         def lane(
-            quotient: Float[Array, ""],
-        ) -> tuple[Float[Array, "n m"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]]:
+            quotient: Float[Numbers, ""],
+        ) -> tuple[Float[Numbers, "n m"], Float[Numbers, " n"], Float[Numbers, ""], Float[Numbers, ""]]:
             found = kalman_filter(
                 drive,
                 force,
@@ -272,7 +280,7 @@ def filtered_in_pieces(
     pieces, finer = pieces_of(batch.lengths, pairs=True), batch.with_substeps(substeps)
     z0, ratio, known = (np.asarray(own) for own in (z0, ratio, known))
 
-    def run(piece: Piece) -> tuple[Float[Array, "w n m"], Float[Array, "w n"], Noise]:
+    def run(piece: Piece) -> tuple[Float[Numbers, "w n m"], Float[Numbers, "w n"], Noise]:
         own = (z0[piece.lanes], finer.piece(piece), ratio[piece.lanes], known[piece.lanes])
         return jax.block_until_ready(_searched_in_piece(drive, *own))
 

@@ -24,7 +24,7 @@ class Response(AbstractMeasurement):
     """
 
     lines: Lines
-    deviation: Float[Array, " nf"]
+    deviation: Float[Numbers, " nf"]
     hold: bool = eqx.field(static=True)
 
     @property
@@ -56,7 +56,7 @@ class Response(AbstractMeasurement):
         xp, (deviation,) = known(self.deviation)
         return xp.tile(xp.log(deviation), 2)
 
-    def errors(self, drive: Drive, z0: Float[Array, " rows"]) -> Float[Array, "b n"]:
+    def errors(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "b n"]:
         """Real and imaginary parts of modelled less measured response over their deviation, shape `(2 nf, 1)`; for
         the `drive` at rest; `z0` is empty."""
         friction = drive.friction
@@ -67,7 +67,7 @@ class Response(AbstractMeasurement):
         error = error / self.deviation.astype(complex)
         return jnp.concatenate([jnp.real(error), jnp.imag(error)])[:, None]
 
-    def replica(self, drive: Drive, z0: Float[Array, " rows"], key: Key[Array, ""]) -> "Response":
+    def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "Response":
         """The response of `drive` with noise drawn with `key`; `z0` is empty."""
         error = self.errors(drive, z0)[:, 0]
         model = self.lines.response + self.deviation * jax.lax.complex(*jnp.split(error, 2))

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.core.safe import real
@@ -39,7 +39,7 @@ class Cauchy(AbstractLoss):
     **Attributes:** `knee`: scale of the loss t^2, the mean square (in noise powers) from which on a block loses weight.
     """
 
-    knee: Float[Array, ""] = eqx.field(converter=real, default=1.0)
+    knee: Float[Numbers, ""] = eqx.field(converter=real, default=1.0)
 
     def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho(b), for `power` b."""
@@ -58,7 +58,7 @@ class Huber(AbstractLoss):
     **Attributes:** `knee`: scale of the loss t^2, the mean square (in noise powers) up to which squares count fully.
     """
 
-    knee: Float[Array, ""] = eqx.field(converter=real, default=4.0)
+    knee: Float[Numbers, ""] = eqx.field(converter=real, default=4.0)
 
     def cost(self, power: Float[Numbers, "..."]) -> Float[Numbers, "..."]:
         """rho(b), for `power` b."""

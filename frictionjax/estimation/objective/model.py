@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
@@ -23,7 +23,7 @@ class Model(eqx.Module):
     drive: Drive
     centre: Float[Numbers, " p"]
 
-    def drive_of(self, parameters: Float[Array, " p"]) -> Drive:
+    def drive_of(self, parameters: Float[Numbers, " p"]) -> Drive:
         """The `Drive` of these free `parameters`, shape `(p,)`."""
         return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
 
@@ -31,16 +31,16 @@ class Model(eqx.Module):
 # Higher levels of XLA compile for longer, and the loop is no faster for it.
 @compiled(options={"xla_backend_optimization_level": 1})
 def with_slopes(
-    model: Model, evidence: AbstractEvidence, parameters: Float[Array, " p"], z0: Float[Array, " w"]
-) -> tuple[Float[Array, "w n"], Float[Array, "k w n"]]:
+    model: Model, evidence: AbstractEvidence, parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]
+) -> tuple[Float[Numbers, "w n"], Float[Numbers, "k w n"]]:
     """Errors of a piece of evidence, and the columns of their derivatives by the parameters and by each own starting
     deflection."""
     count, rows = parameters.shape[0], z0.shape[0]
 
-    def errors(parameters: Float[Array, " p"], z0: Float[Array, " w"]) -> Float[Array, "w n"]:
+    def errors(parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]) -> Float[Numbers, "w n"]:
         return evidence.errors(model.drive_of(parameters), z0).reshape(max(rows, 1), -1)
 
-    def column(way: Float[Array, " k"]) -> tuple[Float[Array, "w n"], Float[Array, "w n"]]:
+    def column(way: Float[Numbers, " k"]) -> tuple[Float[Numbers, "w n"], Float[Numbers, "w n"]]:
         # A starting deflection moves its own recording only, so one column serves all of them.
         return jax.jvp(errors, (parameters, z0), (way[:count], way[-1] * jnp.ones(rows)))
 
@@ -51,8 +51,8 @@ def with_slopes(
 def side_by_side(
     model: Model,
     recordings: AbstractRecordings,
-    parameters: Float[Array, "k p"],
-    z0: Float[Array, "k w"],
-) -> Float[Array, "k w n"]:
+    parameters: Float[Numbers, "k p"],
+    z0: Float[Numbers, "k w"],
+) -> Float[Numbers, "k w n"]:
     """Standardised errors of a piece for each of k vectors."""
     return recordings.side_by_side(jax.vmap(model.drive_of)(parameters), z0)

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.constraints import Constraints, belief_residuals
@@ -44,18 +44,18 @@ class _Parts(NamedTuple):
     """What the cost of all evidence is made of, evidence by evidence: as in `quadratic_of`."""
 
     evaluations: tuple[Evaluation, ...]
-    counts: tuple[Float[Array, "..."], ...]
-    weights: tuple[Float[Array, "..."], ...]
+    counts: tuple[Float[Numbers, "..."], ...]
+    weights: tuple[Float[Numbers, "..."], ...]
     loss: AbstractLoss
-    fitted: tuple[Float[Array, "..."], ...]
+    fitted: tuple[Float[Numbers, "..."], ...]
 
 
 class _Prior(NamedTuple):
     """A free vector, the centre of the weak prior and its inverse standard deviations, shape `(q,)` each."""
 
-    vector: Float[Array, " q"]
-    start: Float[Array, " q"]
-    stiffness: Float[Array, " q"]
+    vector: Float[Numbers, " q"]
+    start: Float[Numbers, " q"]
+    stiffness: Float[Numbers, " q"]
 
 
 class Posterior(AbstractObjective):
@@ -73,13 +73,13 @@ class Posterior(AbstractObjective):
 
     constraints: Constraints
     drive: Drive
-    start: Float[Array, " q"]
-    prior: Float[Array, " q"]
+    start: Float[Numbers, " q"]
+    prior: Float[Numbers, " q"]
     evidence: tuple[AbstractEvidence, ...]
-    weights: tuple[Float[Array, "..."], ...]
+    weights: tuple[Float[Numbers, "..."], ...]
     loss: AbstractLoss
-    fitted: tuple[Float[Array, "..."], ...]
-    ceilings: tuple[Float[Array, "..."] | None, ...]
+    fitted: tuple[Float[Numbers, "..."], ...]
+    ceilings: tuple[Float[Numbers, "..."] | None, ...]
 
     @property
     def layout(self) -> tuple[Free, ...]:
@@ -107,7 +107,7 @@ class Posterior(AbstractObjective):
         return any(isinstance(one, Observed | Positions) for one in self.evidence)
 
     @property
-    def log_deviation(self) -> Float[Array, ""]:
+    def log_deviation(self) -> Float[Numbers, ""]:
         """What the noise adds to the cost: sum of the logarithms of all standard deviations, weighted as the errors."""
         xp, weights = known(self.weights)
         return xp.asarray(
@@ -120,18 +120,18 @@ class Posterior(AbstractObjective):
         _, (start,) = known(self.start)
         return Model(self.constraints, self.drive, start[: self.parameters])
 
-    def drive_of(self, vector: Float[Array, " q"]) -> Drive:
+    def drive_of(self, vector: Float[Numbers, " q"]) -> Drive:
         """The `Drive` of a free vector, shape `(q,)`."""
         _, (vector,) = known(vector)
         return self.model.drive_of(vector[: self.parameters])
 
-    def deflections_of(self, vector: Float[Array, " q"], index: int) -> Float[Array, " rows"]:
+    def deflections_of(self, vector: Float[Numbers, " q"], index: int) -> Float[Numbers, " rows"]:
         """Starting deflections, over Fs/sigma0, of the recordings of evidence number `index`."""
         _, (vector,) = known(vector)
         place = self.places[index]
         return vector[place.first : place.first + place.rows]
 
-    def within(self, vector: Float[Array, " q"]) -> Float[Array, " q"]:
+    def within(self, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
         """`vector`, shape `(q,)`, with coordinates beyond an end of their range at that end: further out the cost is
         constant, and they would never come back."""
         xp, (vector, start) = known(vector, self.start)
@@ -139,7 +139,7 @@ class Posterior(AbstractObjective):
         free = unpack(self.layout, self.drive, vector[:count], start[:count])
         return xp.concatenate([pack(self.layout, free), xp.clip(vector[count:], -1.0, 1.0)])
 
-    def reaching(self, vector: Float[Array, " q"]) -> "Posterior":
+    def reaching(self, vector: Float[Numbers, " q"]) -> "Posterior":
         """The same, with the range of a coordinate that is at its end at `vector`, shape `(q,)`, centred there: a
         descent from a bad start may have further to go. Works inside transformations."""
         xp, (vector, start) = known(vector, self.start)
@@ -148,11 +148,11 @@ class Posterior(AbstractObjective):
         ends = xp.pad(xp.asarray(ends), (0, vector.shape[0] - count))
         return eqx.tree_at(lambda p: p.start, self, xp.where(ends, vector, start))
 
-    def errors(self, vector: Float[Array, " q"], index: int) -> Float[Array, "b n"]:
+    def errors(self, vector: Float[Numbers, " q"], index: int) -> Float[Numbers, "b n"]:
         """Errors over their standard deviations of evidence number `index`, shape `(b, n)`, at `vector`."""
         return self.evidence[index].errors(self.drive_of(vector), self.deflections_of(vector, index))
 
-    def evaluate(self, vector: Float[Array, " q"]) -> tuple[Evaluation, ...]:
+    def evaluate(self, vector: Float[Numbers, " q"]) -> tuple[Evaluation, ...]:
         """The errors of each evidence at `vector`, and their forward-mode derivatives; inside compiled functions."""
         found = []
         for index, (one, place) in enumerate(zip(self.evidence, self.places, strict=True)):
@@ -171,7 +171,7 @@ class Posterior(AbstractObjective):
             found.append(Evaluation(e.reshape(rows, -1), power.reshape(rows, -1), columns, sound))
         return tuple(found)
 
-    def sound_blocks(self, index: int, columns: Float[Array, "k r n"]) -> Bool[Array, "r b"]:
+    def sound_blocks(self, index: int, columns: Float[Numbers, "k r n"]) -> Bool[Numbers, "r b"]:
         """The blocks of evidence number `index` in which derivatives, the `columns`, are credible.
 
         A bristle that yields between two samples, time and again, makes the motion chaotic: its derivatives grow
@@ -189,7 +189,7 @@ class Posterior(AbstractObjective):
         bounded = bounded & (xp.abs(columns[-1]) < _SQUARED)
         return xp.all(bounded.reshape(rows, blocks, -1), axis=-1)
 
-    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
+    def quadratic(self, vector: Float[Numbers, " q"]) -> Quadratic:
         """The cost near `vector`, shape `(q,)`."""
         parts = self._parts(self.evaluate(vector))
         return _total(parts, self.places, self._prior(vector)) + self._beliefs(vector)
@@ -234,7 +234,7 @@ class Posterior(AbstractObjective):
         own = self._beliefs(vector) if numpy_or_jax(vector) is jnp else jax.device_get(_beliefs(self, vector))
         return total + own
 
-    def near(self, vector: Float[Array, " q"]) -> Quadratic:
+    def near(self, vector: Float[Numbers, " q"]) -> Quadratic:
         """The cost near `vector`, evaluated and assembled."""
         return self.assembled(self.evaluated(vector), vector)
 
@@ -253,10 +253,10 @@ class Posterior(AbstractObjective):
         counts = tuple(one.count for one in self.evidence)
         return _Parts(evaluations, counts, self.weights, self.loss, self.fitted)
 
-    def _prior(self, vector: Float[Array, " q"]) -> "_Prior":
+    def _prior(self, vector: Float[Numbers, " q"]) -> "_Prior":
         return _Prior(vector, self.start, self.prior)
 
-    def _beliefs(self, vector: Float[Array, " q"]) -> Quadratic:
+    def _beliefs(self, vector: Float[Numbers, " q"]) -> Quadratic:
         """The cost of the priors that a user gives."""
         beliefs, size = self.constraints.beliefs, vector.shape[0]
         if not beliefs:
@@ -280,7 +280,7 @@ class Posterior(AbstractObjective):
         return self.recordings.batch
 
     @property
-    def sample_weight(self) -> Float[Array, "r n"]:
+    def sample_weight(self) -> Float[Numbers, "r n"]:
         """Weight of the block that each sample of the recordings is in."""
         batch = self.batch
         return np.repeat(np.asarray(self.weights[0]).reshape(batch.x.shape[0], -1), batch.block, axis=1)
@@ -290,7 +290,7 @@ class Posterior(AbstractObjective):
         own = self.recordings.at_bandwidth(bandwidth)
         return eqx.tree_at(lambda p: (p.evidence, p.ceilings), self, ((own,), (own.largest_derivative,)))
 
-    def of_fitted(self, vector: Float[Array, " q"]) -> tuple["Posterior", Float[Array, " q"]]:
+    def of_fitted(self, vector: Float[Numbers, " q"]) -> tuple["Posterior", Float[Numbers, " q"]]:
         """The posterior of the fitted recordings alone, and its part of `vector`."""
         rows, count = np.flatnonzero(np.asarray(self.fitted[0]) > 0), self.parameters
         kept = np.concatenate([np.arange(count), count + rows])
@@ -326,7 +326,7 @@ class Posterior(AbstractObjective):
         with _overflowing():
             return block_power(self.errors_at(vectors), self.batch)
 
-    def misfits(self, vectors: Sequence[Float[Array, " q"]]) -> Float[np.ndarray, " k"]:
+    def misfits(self, vectors: Sequence[Float[Numbers, " q"]]) -> Float[np.ndarray, " k"]:
         """Robust misfit per sample of the fitted recordings for each of `vectors`: 0 when every block is at the noise;
         infinite where a trajectory is not finite."""
         fitted = np.asarray(self.fitted[0])
@@ -339,7 +339,7 @@ def _overflowing() -> np.errstate:
 
 
 @eqx.filter_jit
-def _beliefs(posterior: Posterior, vector: Float[Array, " q"]) -> Quadratic:
+def _beliefs(posterior: Posterior, vector: Float[Numbers, " q"]) -> Quadratic:
     return posterior._beliefs(vector)
 
 
@@ -356,5 +356,7 @@ def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic
     return total
 
 
-def _rows(fitted: tuple[Float[Array, "..."], ...], places: tuple[Place, ...]) -> list[Float[Array, "..."]]:
+def _rows(
+    fitted: tuple[Float[Numbers, "..."], ...], places: tuple[Place, ...]
+) -> list[Float[Numbers, "..."]]:
     return [own[: place.rows] for own, place in zip(fitted, places, strict=True)]

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.data.batch import CLUSTER, rows_of
@@ -44,7 +44,7 @@ class AbstractObjective(eqx.Module):
     """A cost that a descent can bring down."""
 
     @abstractmethod
-    def quadratic(self, vector: Float[Array, " q"]) -> Quadratic:
+    def quadratic(self, vector: Float[Numbers, " q"]) -> Quadratic:
         """The cost near `vector`, shape `(q,)`; inside compiled functions."""
 
     def near(self, vector: Float[Numbers, " q"]) -> Quadratic:
@@ -53,7 +53,7 @@ class AbstractObjective(eqx.Module):
 
 
 @eqx.filter_jit
-def _near(objective: AbstractObjective, vector: Float[Array, " q"]) -> Quadratic:
+def _near(objective: AbstractObjective, vector: Float[Numbers, " q"]) -> Quadratic:
     return objective.quadratic(vector)
 
 

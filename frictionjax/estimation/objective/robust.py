@@ -2,8 +2,9 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.data.imposed_batch import ImposedBatch
@@ -30,7 +31,7 @@ def robust_posterior(
     *,
     scales: dict[str, float] | None = None,
     known_inertia: bool = False,
-) -> tuple[Posterior, Float[Array, " q"]]:
+) -> tuple[Posterior, Float[Numbers, " q"]]:
     """The posterior of the structure of `drive` on all recordings, by the fast observer, and the vector of `drive`.
 
     **Arguments:**
@@ -62,11 +63,11 @@ def robust_posterior(
 
 def extend(
     posterior: Posterior,
-    vector: Float[Array, " q"],
+    vector: Float[Numbers, " q"],
     effect: AbstractEffect,
     scales: dict[str, float],
     drive: Drive | None = None,
-) -> tuple[Posterior, Float[Array, " q"]]:
+) -> tuple[Posterior, Float[Numbers, " q"]]:
     """`posterior` with `effect` added, at the solution `vector`, and the vector of that.
 
     Ranges, prior and observer stay, so that the same vector gives the same misfit. The parameters of the effect stand
@@ -84,7 +85,7 @@ def extend(
     added = effect_layout(drive, scales, first=len(drive.effects) - 1)
     start = pack(added, drive)
 
-    def insert(values: Float[Array, " q"], more: Float[Array, " p"]) -> Float[Array, " longer"]:
+    def insert(values: Float[Numbers, " q"], more: Float[Numbers, " p"]) -> Float[Numbers, " longer"]:
         return np.insert(np.asarray(values), old, np.asarray(more))
 
     extended = Posterior(

@@ -1,0 +1,150 @@
+"""Compiled programs that are kept: made once, found without tracing, never taken from what is damaged or foreign."""
+
+import threading
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from frictionjax.core import FrictionjaxWarning, programs
+from frictionjax.core.programs import compiled, forget_programs
+from frictionjax.simulation import Gains
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder for programs."""
+    monkeypatch.setattr(programs, "programs_folder", lambda: tmp_path)
+    forget_programs()
+    return tmp_path
+
+
+class Counted:
+    """A compiled function, and how often it was traced."""
+
+    def __init__(self, module="frictionjax.core.example"):
+        self.traces = 0
+
+        def scaled(gains, x, *more):
+            self.traces += 1
+            return Gains(gains.position * x, gains.velocity + jnp.sum(x)), x**2
+
+        scaled.__module__ = module
+        self.run = compiled()(scaled)
+
+
+GAINS, X = Gains(np.asarray(2.0), np.asarray(3.0)), np.arange(4.0)
+
+
+def _checked(found, x=X):
+    gains, squares = found
+    assert isinstance(gains, Gains)
+    np.testing.assert_array_equal(gains.position, 2.0 * x)
+    np.testing.assert_array_equal(gains.velocity, 3.0 + x.sum())
+    np.testing.assert_array_equal(squares, x**2)
+
+
+def test_a_program_serves_all_numbers_and_each_shape_has_its_own(folder):
+    counted = Counted()
+    for factor in (1.0, 5.0):
+        _checked(counted.run(GAINS, factor * X), factor * X)
+    _checked(counted.run(GAINS, jnp.asarray(X)))
+    assert counted.traces == 1
+    _checked(counted.run(GAINS, np.arange(6.0)), np.arange(6.0))
+    assert counted.traces == 2
+
+
+def test_a_kept_program_is_found_without_tracing(folder):
+    counted = Counted()
+    _checked(counted.run(GAINS, X))
+    forget_programs()
+    _checked(counted.run(GAINS, X))
+    assert counted.traces == 1
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_a_damaged_program_is_made_again_and_replaced(folder):
+    counted = Counted()
+    counted.run(GAINS, X)
+    (path,) = folder.iterdir()
+    whole = path.read_bytes()
+    for damaged in (whole[:100], whole[:-1] + b"?", b""):
+        path.write_bytes(damaged)
+        forget_programs()
+        with pytest.warns(FrictionjaxWarning, match="damaged"):
+            _checked(counted.run(GAINS, X))
+    assert counted.traces == 4
+    forget_programs()
+    _checked(counted.run(GAINS, X))
+    assert counted.traces == 4
+
+
+def test_programs_depend_on_the_source_of_the_package(folder, monkeypatch):
+    counted = Counted()
+    counted.run(GAINS, X)
+    forget_programs()
+    monkeypatch.setattr(programs, "_source", lambda unit: "changed")
+    counted.run(GAINS, X)
+    assert counted.traces == 2
+    assert len(list(folder.iterdir())) == 2
+
+
+class Foreign(eqx.Module):
+    """Whoever writes this class may change its code without a trace in the key of a program."""
+
+    value: jax.Array
+
+
+@pytest.mark.parametrize(
+    ("module", "more"),
+    [
+        ("frictionjax.core.example", Foreign(jnp.asarray(1.0))),
+        ("somewhere.else", X),
+        ("frictionjax.core.example", _checked),
+    ],
+    ids=["class", "function", "argument"],
+)
+def test_what_others_wrote_is_compiled_and_not_kept(folder, module, more):
+    counted = Counted(module)
+    for _ in range(2):
+        _checked(counted.run(GAINS, X, more))
+    assert counted.traces == 1
+    assert not list(folder.iterdir())
+
+
+def test_inside_transformations_it_is_the_function_itself(folder):
+    counted = Counted()
+    slope = jax.grad(lambda x: jnp.sum(counted.run(GAINS, x)[1]))(jnp.asarray(X))
+    np.testing.assert_array_equal(slope, 2.0 * X)
+    both = jax.vmap(lambda x: counted.run(GAINS, x)[1])(jnp.stack([X, 2.0 * X]))
+    np.testing.assert_array_equal(both, np.stack([X**2, 4.0 * X**2]))
+    assert not list(folder.iterdir())
+
+
+def test_threads_that_need_one_program_make_it_once(folder):
+    counted = Counted()
+    threads = [threading.Thread(target=counted.run, args=(GAINS, X)) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert counted.traces == 1
+
+
+def test_without_a_folder_each_process_makes_its_own(monkeypatch):
+    monkeypatch.setattr(programs, "programs_folder", lambda: None)
+    forget_programs()
+    counted = Counted()
+    _checked(counted.run(GAINS, X))
+    assert counted.traces == 1
+
+
+def test_no_more_programs_are_held_than_there_is_room_for(folder, monkeypatch):
+    monkeypatch.setattr(programs, "_MOST", 2)
+    counted = Counted()
+    for length in (3, 4, 5, 5, 3):
+        counted.run(GAINS, np.arange(float(length)))
+    assert len(programs._MEMORY._programs) == 2
+    assert counted.traces == 3
