@@ -12,6 +12,8 @@ import jax
 import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
+from frictionjax.core.programs import forget_programs
+
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
@@ -28,6 +30,7 @@ def all_compiled_anew() -> Iterator[None]:
     kept = jax.config.jax_enable_compilation_cache
     jax.config.update("jax_enable_compilation_cache", False)
     jax.clear_caches()
+    forget_programs()
     reset_cache()  # JAX asks once in a process whether programs are kept on disk
     try:
         yield

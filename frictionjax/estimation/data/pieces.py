@@ -1,8 +1,8 @@
 """Recordings cut into pieces of a few fixed shapes, so that one compiled program serves recordings of any number and
 length.
 
-A piece has two or four rows, the last of them repeated where there are fewer recordings, and as many samples as the
-next of a few lengths; loops along it end where its longest recording does (`simulation/samples.py`). What is computed
+A piece has four rows, the last of them repeated where there are fewer recordings, and as many samples as the next of a
+few lengths; loops along it end where its longest recording does (`simulation/samples.py`). What is computed
 of the pieces is cut to size and put together by NumPy.
 """
 
@@ -18,9 +18,10 @@ from frictionjax.core.arrays import Numbers
 
 _T = TypeVar("_T")
 
-# Rows: with their derivatives both fill the vector units, and two recordings are the commonest case.
-_FEW, _MANY = 2, 4
-_SHORTEST, _TIMES = 4096, 4  # samples: lengths are the first times powers of the second
+# Rows: with their derivatives they fill the vector units. A second width would save two recordings a third of their
+# simulations, and compile every structure twice. A filter, whose candidates go side by side, fills them with two.
+_WIDTH, _PAIR = 4, 2
+_SHORTEST, _TIMES = 16384, 4  # samples: lengths are the first times powers of the second
 _EARLIER = 128  # earlier pieces of motion: as lengths, in powers of the same
 
 
@@ -46,7 +47,7 @@ def pieces_of(lengths: Int[np.ndarray, " r"], *, pairs: bool = False) -> tuple[P
     """The pieces of recordings that have so many samples, those of about one length together; `pairs`: of two rows."""
     order, pieces = np.argsort(-lengths, kind="stable"), []
     while order.size:
-        width = _FEW if pairs or order.size <= _FEW else _MANY
+        width = _PAIR if pairs else _WIDTH
         rows, order = order[:width], order[width:]
         lanes = np.concatenate([rows, np.repeat(rows[-1:], width - rows.size)])
         samples = int(lengths[rows[0]])
