@@ -10,7 +10,6 @@ import functools
 import hashlib
 import os
 import pickle
-import tempfile
 import threading
 import uuid
 import warnings
@@ -21,7 +20,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
-import equinox as eqx
 import jax
 import numpy as np
 from jax.core import Tracer
@@ -33,7 +31,9 @@ from frictionjax.core.setup import processor, programs_folder
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
-_MOST = 400  # programs that a process keeps; those that were not used for longest are let go
+_ARRAYS = jax.Array | np.ndarray
+# Programs that a process keeps; those that were not used for longest are let go. A diagnosis has about a hundred.
+_MOST = 400
 _PACKAGE = Path(__file__).parents[1]
 _BASE = ("core", "physics", "recordings", "excitation", "simulation", "frequency", "estimation")
 # Whose classes may stand in a kept program: the source of other classes may change without a trace in the key.
@@ -61,11 +61,8 @@ class Compiled(Generic[_P, _R]):
         leaves, structure = jax.tree.flatten((args, kwargs))
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._function(*args, **kwargs)
-        dynamic = [leaf for leaf in leaves if eqx.is_array(leaf) or isinstance(leaf, np.ndarray)]
-        shapes = tuple(
-            (leaf.shape, leaf.dtype) if eqx.is_array(leaf) or isinstance(leaf, np.ndarray) else leaf
-            for leaf in leaves
-        )
+        dynamic = [leaf for leaf in leaves if isinstance(leaf, _ARRAYS)]
+        shapes = tuple((leaf.shape, leaf.dtype) if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
         signature = (self._function, structure, shapes)
         program = _MEMORY.get(signature, lambda: self._made(args, kwargs, shapes, structure))
         found = program.run(*dynamic)
@@ -82,7 +79,7 @@ class Compiled(Generic[_P, _R]):
 
     def _new(self, args: tuple, kwargs: dict) -> _Program:
         leaves, structure = jax.tree.flatten((args, kwargs))
-        places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, jax.Array | np.ndarray)]
+        places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, _ARRAYS)]
         # The arrays themselves are not kept by the closure of the program.
         rest = [None if place in places else leaf for place, leaf in enumerate(leaves)]
         results: list[PyTree] = []
@@ -233,8 +230,16 @@ def _written(path: Path, program: _Program) -> _Program:
     binary, arguments, results = serialize_executable.serialize(program.run)
     count = (arguments.num_leaves, results.num_leaves)
     packed = zlib.compress(pickle.dumps((binary, count, program.result)), 1)
-    # Complete or not at all: other processes read while this one writes.
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(hashlib.sha256(packed).digest() + packed)
-    Path(file.name).replace(path)
+    whole = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
+    try:
+        # Complete or not at all: other processes read while this one writes.
+        whole.write_bytes(hashlib.sha256(packed).digest() + packed)
+        whole.replace(path)
+    except OSError as error:
+        whole.unlink(missing_ok=True)
+        warnings.warn(
+            f"A compiled program cannot be kept, and is compiled again next time ({error.strerror}): {path.parent}",
+            FrictionjaxWarning,
+            stacklevel=2,
+        )
     return program

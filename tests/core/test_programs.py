@@ -81,6 +81,21 @@ def test_a_damaged_program_is_made_again_and_replaced(folder):
     assert counted.traces == 4
 
 
+def test_a_result_is_not_lost_where_its_program_cannot_be_kept(folder, monkeypatch):
+    write = type(folder).write_bytes
+
+    def full(path, content):
+        if path.parent == folder:
+            write(path, content[:10])
+            raise OSError(28, "No space left on device")
+        return write(path, content)
+
+    monkeypatch.setattr(type(folder), "write_bytes", full)
+    with pytest.warns(FrictionjaxWarning, match="No space left"):
+        _checked(Counted().run(GAINS, X))
+    assert not list(folder.iterdir())
+
+
 def test_programs_depend_on_the_source_of_the_package(folder, monkeypatch):
     counted = Counted()
     counted.run(GAINS, X)

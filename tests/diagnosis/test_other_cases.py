@@ -7,9 +7,9 @@ from helpers_estimation import FINE, NOISE, PLANT
 from helpers_plants import effect
 
 import frictionjax as fj
-from frictionjax.diagnosis.evidence.judgement import Scene, judge
+from frictionjax.diagnosis.evidence.judgement import Judgement, Scene, judge
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
-from frictionjax.diagnosis.evidence.views import view
+from frictionjax.diagnosis.evidence.views import ahead_samples, force_bandwidth, view
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
@@ -17,7 +17,7 @@ from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.simulation import simulate
+from frictionjax.simulation import observe, observer_gains, predict_ahead, residual_force, simulate
 
 
 def _recordings(rate, seconds, count, seed):
@@ -59,6 +59,33 @@ def _steps_of_a_diagnosis(recordings):
     view(judgement, Scene(batch, held_out, SLOW_BANDWIDTH, names))
     scales = plant_scales(judgement.drive, batch)
     return try_form(present_model(fast, fitted.vector), [effect("ReturnSpring")], scales)
+
+
+def test_a_view_is_what_the_verbs_say_of_each_recording():
+    """Pieces of padded recordings of two rates, and each recording by itself."""
+    recordings = (*_recordings(500.0, 2.0, 3, seed=5), *_recordings(400.0, 1.6, 2, seed=6))
+    batch, held_out = make_batch(recordings, encoder_step=FINE), np.zeros(5, bool)
+    z0 = np.array([0.0, 0.1, -0.1, 0.2, 0.0])
+    judgement = Judgement(PLANT, z0, np.ones((5, 1)), held_out, batch)
+    seen = view(judgement, Scene(batch, held_out, SLOW_BANDWIDTH, tuple(one.name for one in recordings)))
+    for row, recording in enumerate(recordings):
+        n, dt, x = recording.x.size, 1.0 / recording.sample_rate, recording.x
+        before = jax.tree.map(lambda leaf, row=row: leaf[row], batch.before)
+        bent = z0[row] * float(PLANT.friction.Fs / PLANT.friction.sigma0)
+        start = (batch.x0[row], batch.v0[row], bent, before)
+        gains = observer_gains(min(SLOW_BANDWIDTH, 0.1 / dt), dt)
+        force, steps = PLANT.applied_force(recording.u, dt), batch.substeps
+        observed = observe(PLANT, force, x, dt, gains, start, substeps=steps)
+        horizon = ahead_samples(dt)
+        ahead = predict_ahead(
+            PLANT, force, x, dt, gains, start, horizon=horizon, stride=max(horizon // 40, 1), substeps=steps
+        )
+        free = simulate(PLANT, recording.u, 1.0 / dt, x0=x[0], substeps=max(steps, 2), before=before).x
+        missing = residual_force(PLANT, force, x, np.asarray(dt), force_bandwidth(dt), start, substeps=steps)
+        pairs = ((seen.ahead, ahead), (seen.free, free), (seen.v, observed.v), (seen.force, missing))
+        for got, expected in pairs:
+            scale = np.max(np.abs(expected))
+            np.testing.assert_allclose(got[row, :n], expected, rtol=0.0, atol=1e-9 * scale)
 
 
 def test_another_case_compiles_nothing(compiled):

@@ -22,7 +22,9 @@ _T = TypeVar("_T")
 # simulations, and compile every structure twice. A filter, whose candidates go side by side, fills them with two.
 _WIDTH, _PAIR = 4, 2
 _SHORTEST, _TIMES = 16384, 4  # samples: lengths are the first times powers of the second
-_EARLIER = 128  # earlier pieces of motion: as lengths, in powers of the same
+_EARLIER = (
+    128  # earlier pieces of motion, sixteen of each of eight recordings: as lengths, in powers of the same
+)
 
 
 class Piece(NamedTuple):
