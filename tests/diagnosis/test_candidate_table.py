@@ -33,7 +33,7 @@ def judged():
 
 
 @pytest.mark.parametrize("left", [3.0, 30.0, 1e4, np.inf])
-def test_no_more_than_half_isexcused_floor(judged, left):
+def test_no_more_than_half_is_excused(judged, left):
     floor = np.ones((2, 1))
     raised = excused_floor(judged, floor, np.full(judged.power.shape, min(left, 1e6)))
     whole, rest = np.array(judged.misfits(floor)), np.array(judged.misfits(raised))

@@ -1,15 +1,21 @@
-"""Swap: what was named first makes way for its twin when that does better beside what was named later."""
+"""What an effect is commonly taken for is refitted in its place: once it is the best, and after another is named."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from helpers_selection import Bench, world
+from helpers_selection import Bench, with_effect, world
 
+from frictionjax.core import silent
+from frictionjax.diagnosis.effort import Effort, Screening
+from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.refitted_tables import confused_with
+from frictionjax.diagnosis.selection.refit_candidates import Candidates
 from frictionjax.diagnosis.selection.round import dropping
 from frictionjax.diagnosis.selection.search import Search
 from frictionjax.physics import catalogue
+
+FORCES = frozenset({"constant_load", "gravity_pendulum"})
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +60,25 @@ def test_twins_that_the_others_do_not_separate_are_one_class(two):
     step = bench.tables.step(found[1])
     assert {refit.effect for refit in step.refits} == {"drive_lag", "delay"}
     assert step.accepted in step.refits
+
+
+def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_worth_it(two):
+    """Of a short list with room for one form; and it ends where a fit of it by itself ends."""
+    model, scales = two
+    effort = Effort(screening=Screening(first_forms=1, linear_forms=0, related=0))
+    others = frozenset(catalogue()) - FORCES
+    with ThreadPoolExecutor(2) as executor:
+        candidates = Candidates(
+            executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), effort
+        )
+        _, _, refits = candidates.beside(model, 0)
+        barred = dataclasses.replace(candidates, barred=FORCES - {refits[0].effect}).beside(model, 0)[2]
+    assert {one.effect for one in refits} == FORCES
+    assert {one.effect for one in barred} == {refits[0].effect}
+    for one in refits:
+        name = {"constant_load": "load", "gravity_pendulum": "pendulum"}[one.effect]
+        alone = with_effect(model, name, scales).fitted.misfit
+        assert one.model.fitted.misfit < alone + 1e-3 * abs(alone), one.effect
 
 
 def test_the_true_effect_stays_beside_a_twin_that_does_worse(two):

@@ -47,6 +47,21 @@ def test_an_effect_that_explains_all_is_named_from_its_table_alone():
     assert _search(twins).classes == (("delay", "drive_lag"),)
 
 
+def test_of_two_that_explain_alike_the_likelier_one_is_named():
+    """Unless it has more parameters, or the other one explains more than they differ by in what counts as alike."""
+    lag, delay = (
+        {"effect": name, "fit": Lead(gain, 10.0, 100)} for name, gain in (("lag", 90.0), ("delay", 95.0))
+    )
+    for shares, free, named in (
+        ((0.98, 0.98), 0, "delay"),
+        ((0.98, 0.98), 1, "lag"),
+        ((0.96, 0.96), 0, "lag"),
+    ):
+        both = table(row((0.99, 0.99), **lag), row(shares, free=free, **delay), lead=-1.0)
+        found = _search(both)
+        assert found.names == (named,) and set(found.classes[0]) == {"lag", "delay"}
+
+
 def test_nothing_is_named_where_the_base_model_is_adequate():
     assert _search(table(misfits=(0.004, 0.005))).verdict == "adequate"
     assert _search(table(misfits=(0.4, 0.3))).verdict == "unknown"

@@ -5,6 +5,7 @@ import numpy as np
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import has_contacts
 from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.physics.effects import catalogue
 
 
 def one_of_each(trials: list[Trial]) -> list[Trial]:
@@ -38,14 +39,9 @@ def short_list(
     linear = sorted(best, key=lambda t: -t.linear_gain)[: budget.linear_forms]
     # What is confused with the leader may be the truth although its first step gains less: with all its forms, for the
     # step of one may be a mirage where that of the other is none.
-    lead = best[0].form
-    confused = [
-        t.effect
-        for t in best
-        if (t.effect in lead.about.confused_with or lead.name in t.form.about.confused_with)
-        and t.linear_gain > least_gain
-    ]
-    names = list(dict.fromkeys([lead.name, *confused]))[: 1 + budget.related]
+    lead = best[0].effect
+    confused = [t.effect for t in best if t.effect in confused_with(lead) and t.linear_gain > least_gain]
+    names = list(dict.fromkeys([lead, *confused]))[: 1 + budget.related]
     related = [t for t in best if t.effect in names and t.linear_gain > least_gain]
     chosen: list[Trial] = []
     for trial in kept + linear + related:
@@ -68,3 +64,11 @@ def absorbed_by_base(trials: list[Trial], *, effort: Effort = Effort()) -> list[
 def backlash_candidates(trials: list[Trial]) -> list[Trial]:
     """The best trial of each form of a load behind a gap."""
     return one_of_each([trial for trial in trials if has_contacts(trial.form)])
+
+
+def confused_with(effect: str) -> frozenset[str]:
+    """Names of the effects that the catalogue says are confused with the `effect`, or it with them; itself included."""
+    says = {
+        name: {n for form in forms for n in form.about.confused_with} for name, forms in catalogue().items()
+    }
+    return frozenset({effect} | says[effect] | {name for name, others in says.items() if effect in others})

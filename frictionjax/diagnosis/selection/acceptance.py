@@ -67,7 +67,8 @@ def choose(table: Table, rule: Rule) -> Round:
     """The round in which the best acceptable candidate of the `table` is accepted, by the `rule`.
 
     What another candidate explains far better is not accepted, even if that one is refused. Of two that explain alike
-    the one with fewer parameters is: a sine bends to a spring, not the reverse.
+    the one with fewer parameters is: a sine bends to a spring, not the reverse; of those with as many, the likelier one
+    on all recordings.
     """
     order = ranked(table, rule)
     worth = [row.gains(rule).worth for row in table.rows]
@@ -80,7 +81,10 @@ def choose(table: Table, rule: Rule) -> Round:
     if not may:
         return Round(table, None)
     least = worth[may[0]] - rule.accept.alike
-    accepted = min((row for row in may if worth[row] > least), key=lambda row: table.rows[row].free)
+    accepted = min(
+        (row for row in may if worth[row] > least),
+        key=lambda row: (table.rows[row].free, -_gain(table.rows[row])),
+    )
     name = table.rows[accepted].effect
     rivals = {
         table.rows[row].effect
@@ -88,6 +92,11 @@ def choose(table: Table, rule: Rule) -> Round:
         if table.rows[row].effect != name and table.lead(accepted, row, rule) < rule.rivals.lead
     }
     return Round(table, accepted, tuple(sorted(rivals)))
+
+
+def _gain(row: Comparison) -> float:
+    """Gain of the log-likelihood over the model without the candidate of the `row`, on all recordings."""
+    return row.fit.total + row.held_out.total
 
 
 def best_clear(table: Table, rule: Rule) -> int | None:

@@ -16,6 +16,7 @@ from frictionjax.diagnosis.refitting.refitted import Refitted, polish
 from frictionjax.diagnosis.refitting.shortlist import (
     absorbed_by_base,
     backlash_candidates,
+    confused_with,
     one_of_each,
     short_list,
 )
@@ -72,7 +73,19 @@ class Candidates:
             chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
         )
         model = better_base(model, refits, effort=self.effort)
+        refits = self._best_first(model, refits)
+        refits = self._best_first(model, [*refits, *self._in_place_of_the_best(model, refits)])
         return model, [trial for some in tried for trial in some], self._polished(model, refits)
+
+    def _in_place_of_the_best(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
+        """Refits of what the best of the `refits` is commonly taken for, as far as it is not among them: each in its
+        place, from where it left the other parameters. A short list by first steps may lack the true one of two effects
+        that look alike."""
+        if not refits or self._worth(model, refits[0]) < self.effort.refitting.worthless:
+            return []
+        best, inside = refits[0], {type(effect).name for effect in model.posterior.drive.effects}
+        names = confused_with(best.effect) - inside - self.barred - {one.effect for one in refits}
+        return self.related(_without(best, model), names)[1] if names else []
 
     def _asked_for(self, trials: list[Trial]) -> list[tuple[Trial, Balanced]]:
         """Those of the `trials` that the force balance asks for, each with what it says."""
@@ -83,26 +96,28 @@ class Candidates:
         """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`."""
         without = self.without | (frozenset(catalogue()) - names)
         tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
-        chosen = self._worth_refitting(model, tried, self.effort.screening.later_forms)
+        chosen = [one for some in tried for one in one_of_each(some) if np.isfinite(one.gain)]
         refits = refit_all(
             chosen, model, self.scales, self.executor, Hints(self.pair), rule=self.rule, effort=self.effort
         )
         return [trial for some in tried for trial in some], refits
 
+    def _best_first(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
+        """The `refits` by what each explains of what the `model` misses."""
+        return sorted(refits, key=lambda refit: -self._worth(model, refit))
+
+    def _worth(self, model: Model, refit: Refitted) -> float:
+        least = model.posterior.batch.eased[:, None]
+        compared = compare(model.judgement, refit.model.judgement, least, rule=self.rule)
+        return compared.gains(self.rule).worth
+
     def _polished(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
-        """The `refits`, the best first; the two best converged where their last steps may decide between them."""
-        budget, least = self.effort.refitting, model.posterior.batch.eased[:, None]
-        worth = {
-            id(refit): compare(model.judgement, refit.model.judgement, least, rule=self.rule)
-            .gains(self.rule)
-            .worth
-            for refit in refits
-        }
-        refits = sorted(refits, key=lambda refit: -worth[id(refit)])
+        """The `refits`, of which the two best are converged where their last steps may decide between them."""
+        budget, worth = self.effort.refitting, [self._worth(model, refit) for refit in refits[:2]]
         close = [
             refit
-            for refit in refits[:2]
-            if worth[id(refit)] > max(budget.worthless, worth[id(refits[0])] - budget.close)
+            for refit, own in zip(refits, worth, strict=False)
+            if own > max(budget.worthless, worth[0] - budget.close)
         ]
         done = self.executor.map(lambda refit: polish(refit, effort=self.effort), close)
         return [*done, *refits[len(close) :]]
@@ -121,6 +136,14 @@ class Candidates:
             else:
                 chosen += short_list(open_to, most=most, far=far, effort=self.effort)
         return chosen
+
+
+def _without(refit: Refitted, model: Model) -> Model:
+    """The `model`, which has all effects but that of the `refit`, with the parameters of the `refit`."""
+    slow = model.posterior.at_bandwidth(SLOW_BANDWIDTH)
+    own = slice(len(slow.layout), len(refit.model.posterior.layout))
+    there = descend(slow, np.delete(np.asarray(refit.model.fitted.vector), own), graduate=False, steps=0)
+    return Model(slow, there, judge(slow, there))
 
 
 def better_base(model: Model, refits: list[Refitted], *, effort: Effort = Effort()) -> Model:

@@ -13,6 +13,7 @@ from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import Answer
 from frictionjax.diagnosis.refitting.refitted import Refitted, ease
+from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.selection.acceptance import ranked
@@ -30,7 +31,7 @@ from frictionjax.diagnosis.table import Comparison, Table
 from frictionjax.estimation.descent.robust import Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
-from frictionjax.physics.effects import AbstractEffect, catalogue
+from frictionjax.physics.effects import AbstractEffect
 
 
 class Refits(Protocol):
@@ -290,11 +291,3 @@ def fitted_to_all(model: Model) -> Model:
     fitted = descend(posterior, model.fitted.vector, graduate=False)
     judgement = eqx.tree_at(lambda j: j.held_out, judge(posterior, fitted), model.judgement.held_out)
     return Model(posterior, fitted, judgement)
-
-
-def confused_with(effect: str) -> frozenset[str]:
-    """Names of the effects that the catalogue says are confused with the `effect`, or it with them; itself included."""
-    says = {
-        name: {n for form in forms for n in form.about.confused_with} for name, forms in catalogue().items()
-    }
-    return frozenset({effect} | says[effect] | {name for name, others in says.items() if effect in others})
