@@ -48,7 +48,7 @@ def fitted(seed: int, family: str) -> Ended:
     friction = LuGre(**{name: value for name, value in own.items() if name != "J"})
     starting = starting_point(case)
     with ThreadPoolExecutor(2) as executor:
-        found = base_of(starting, executor, silent, known_inertia=False)
+        found = base_of(starting, executor, silent)
         true = Drive(own["J"], friction, case.plant.motor_constant)
         best = fit_base([true], starting.batch, starting.held_out, executor, silent)
     floor = np.ones((1, 1))

@@ -27,7 +27,7 @@ LEVELS = (0.05, 0.01, 0.001)
 def p_values(seed: int, executor: ThreadPoolExecutor) -> tuple[list[float], dict[str, float]]:
     """p-values of the single tests before one machine, and of its effects (times the number of their tests)."""
     simulated = make_case(seed, missing=(), strength="strong")
-    base = base_of(starting_point(case_of(simulated)), executor, lambda *_: None, known_inertia=False)
+    base = base_of(starting_point(case_of(simulated)), executor, lambda *_: None)
     scales = plant_scales(base.judgement.drive, base.posterior.batch)
     trials = try_catalogue(base, scales, executor, frozenset())[0]
     return [trial.p_value for trial in trials], effect_p_values(trials)

@@ -50,6 +50,9 @@ from frictionjax.physics import LuGre as LuGre
 from frictionjax.physics import catalogue as catalogue
 from frictionjax.physics import linearize as linearize
 from frictionjax.recordings import Case as Case
+from frictionjax.recordings import Given as Given
+from frictionjax.recordings import GivenEffect as GivenEffect
+from frictionjax.recordings import GivenModel as GivenModel
 from frictionjax.recordings import Plant as Plant
 from frictionjax.recordings import Recording as Recording
 from frictionjax.recordings import audit as audit
@@ -83,6 +86,9 @@ __all__ = [
     "FitResult",
     "FrictionjaxWarning",
     "Gaussian",
+    "Given",
+    "GivenEffect",
+    "GivenModel",
     "Huber",
     "Identifiability",
     "Information",

@@ -31,7 +31,6 @@ from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.locate import Located, locate
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.screening.force_balance import force_balance
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.diagnosis.selection.confidence import Evidence
 from frictionjax.diagnosis.selection.model_spread import moved
@@ -45,6 +44,7 @@ from frictionjax.diagnosis.verdict import (
     Unexplained,
     Verdict,
 )
+from frictionjax.estimation.start.force_balance import force_balance
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
@@ -113,7 +113,6 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         starting,
         executor,
         lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
-        known_inertia=plant.inertia is not None,
         rule=rule,
     )
     notes = list(starting.notes)
@@ -124,6 +123,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
     clock.stage("base fit")
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
+    untestable |= {effect.name: "it is part of the base model" for effect in starting.own.effects}
     selection = None
     if not error:
         left_out = barred_forms | frozenset(idle_effects() if starting.imposed else ())
@@ -135,7 +135,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
             balanced=tuple
-            if starting.imposed
+            if starting.imposed or starting.own.effects
             else functools.partial(
                 force_balance,
                 case.fit_recordings,
@@ -238,21 +238,20 @@ def _with_steps_of(scene: Scene, model: Model) -> Scene:
 
 
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
-    """What base and final model predict for all recordings. The base model gets the effects of the final one at zero
-    strength, so that both share one compiled program."""
+    """What base and final model predict for all recordings. The base model gets what the final one has beyond it at
+    zero strength, so that both share one compiled program."""
     extended = view(final.judgement, scene)
     if final is base:
         return extended, extended
-    silent_effects = [effect.silenced() for effect in final.judgement.drive.effects]
+    own = len(base.judgement.drive.effects)
+    silent_effects = [effect.silenced() for effect in final.judgement.drive.effects[own:]]
     structure = base.judgement.drive.with_effects(*silent_effects)
     return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
 
 
 def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
     """The base model fitted to a corrected case."""
-    return base_of(
-        starting_point(case), executor, silent, known_inertia=case.plant.inertia is not None, rule=rule
-    )
+    return base_of(starting_point(case), executor, silent, rule=rule)
 
 
 def _is_credible(model: Model, rule: Rule) -> bool:

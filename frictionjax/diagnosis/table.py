@@ -73,10 +73,10 @@ class Comparison:
     """One model against another, above one floor.
 
     **Attributes:** `before`, `after` (forms of the effects in the two models), `effect` and `form` (names of the one
-    that is added; empty where several are), `exact` (of each effect of `after`, whether its equation is exact),
-    `misfits_before`, `misfits_after` (per sample above the floor), `misfit_errors` (their standard errors for a perfect
-    model), `energies` (share of the power that is removed), `fit`, `held_out` (leads over the model without), `waves`
-    (of each period, how many the stroke holds, and whether it is that of a force beside another force), `free`
+    that is added; empty where several are), `exact` (of each effect that `before` lacks, whether its equation is
+    exact), `misfits_before`, `misfits_after` (per sample above the floor), `misfit_errors` (their standard errors for a
+    perfect model), `energies` (share of the power that is removed), `fit`, `held_out` (leads over the model without),
+    `waves` (of each period, how many the stroke holds, and whether it is that of a force beside another force), `free`
     (parameters of `after`), `chaotic` (whether `after` has a gap), `p_value` (score test of the effect, Bonferroni over
     its forms and grid), `gains_fit`, `gains_held_out` (difference of the losses by cluster).
     """

@@ -12,6 +12,7 @@ import numpy as np
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
 from frictionjax.recordings.hold_out import hold_out_last_third
+from frictionjax.recordings.model_table import parse_model
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
 from frictionjax.recordings.recording import Case, Recording
 from frictionjax.recordings.schema import CASE_KEYS, Entry, Spot, known_keys, parse_entry, parse_plant, text
@@ -156,7 +157,8 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Ca
         unique = _unique(stem(path), {r.name for r in recordings})
         recordings.append(make_recording(entry, opened[path], unique, plant))
     _require_originals(recordings, entries)
-    case = Case(name=name, plant=plant, recordings=tuple(recordings))
+    model = parse_model(table.get("model"), spot.source)
+    case = Case(name=name, plant=plant, recordings=tuple(recordings), model=model)
     return hold_out_last_third(case) if len(recordings) == 1 else case
 
 

@@ -1,4 +1,4 @@
-"""The nouns: a recording, the plant it was made on, and the case of both."""
+"""The nouns: a recording, the plant it was made on, the user's own model of it, and the case of them."""
 
 from typing import Literal
 
@@ -96,6 +96,40 @@ class Recording(eqx.Module):
         return self.x.size / self.sample_rate
 
 
+class Given(eqx.Module):
+    """A value of one parameter.
+
+    **Attributes:** `value` (in the units of the case), `fixed` (whether a fit must leave it as it is).
+    """
+
+    value: float = eqx.field(static=True)
+    fixed: bool = eqx.field(static=True, default=False)
+
+
+class GivenEffect(eqx.Module):
+    """An effect that is known to act.
+
+    **Attributes:** `name` (in the catalogue), `form` (name of one of its forms; empty: the first), `values` (by the
+    names of its strengths and other parameters).
+    """
+
+    name: str = eqx.field(static=True)
+    form: str = eqx.field(static=True, default="")
+    values: dict[str, Given] = eqx.field(static=True, default_factory=dict)
+
+
+class GivenModel(eqx.Module):
+    """The user's own model.
+
+    **Attributes:** `parameters` (of inertia and friction, by name), `effects`, `source` (the case file as text, for
+    messages; None when there is none).
+    """
+
+    parameters: dict[str, Given] = eqx.field(static=True, default_factory=dict)
+    effects: tuple[GivenEffect, ...] = eqx.field(static=True, default=())
+    source: str | None = eqx.field(static=True, default=None)
+
+
 class Case(eqx.Module):
     """A plant and its recordings.
 
@@ -104,11 +138,13 @@ class Case(eqx.Module):
     - `name`: the case's name.
     - `plant`: the `Plant`.
     - `recordings`: all recordings, in the order of the case file.
+    - `model`: the user's own model of the machine; None where there is none.
     """
 
     name: str = eqx.field(static=True)
     plant: Plant
     recordings: tuple[Recording, ...]
+    model: GivenModel | None = None
 
     @property
     def fit_recordings(self) -> tuple[Recording, ...]:

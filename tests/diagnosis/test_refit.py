@@ -33,7 +33,9 @@ def test_the_inertia_found_is_taken_for_that_of_the_motor_alone(known):
     """Motor inertia, stiffness and damping stay what they were when a load of 0.3 of the whole is hung behind a gap; a
     known inertia is that of the whole."""
     batch = make_batch((open_loop("stick", stick_noise(), seed=1),), encoder_step=FINE)
-    posterior, vector = robust_posterior(PLANT, batch, np.array([False]), known_inertia=known)
+    posterior, vector = robust_posterior(
+        PLANT, batch, np.array([False]), fixed=frozenset({"J"} if known else ())
+    )
     posterior, vector = extend(posterior, vector, effect("Backlash"), plant_scales(PLANT, batch))
     place = next(i for i, free in enumerate(posterior.layout) if free.parameter.name == "ratio")
     hung = uncoupled(posterior, jnp.asarray(vector).at[place].set(0.3 / posterior.layout[place].scale))

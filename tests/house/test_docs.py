@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 import frictionjax as fj
+from frictionjax.diagnosis.intake.own_model import own_model
+from frictionjax.recordings import Case, Plant
+from frictionjax.recordings.model_table import parse_model
 from frictionjax.recordings.readers import READERS
 from frictionjax.recordings.schema import (
     CASE_KEYS,
@@ -92,6 +95,9 @@ def test_the_example_of_a_case_file_has_every_key_and_is_right():
     assert {key for recording in table["recording"] for key in recording} == set(RECORDING_KEYS)
     spot = Spot("case.toml")
     parse_plant(table["plant"], spot)
+    model = parse_model(table["model"], "case.toml")
+    assert model is not None and {one.fixed for one in model.parameters.values()} == {True, False}
+    own_model(Case("arm", Plant(), (), model))
     entries = [parse_entry(recording, spot) for recording in table["recording"]]
     assert {entry.role for entry in entries} == {"fit", "holdout"}
     assert all(f"`{role}`" in text for role in ROLES)

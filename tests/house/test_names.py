@@ -26,6 +26,7 @@ EXPECTED = sorted(
         *("Design", "Study", "run_study", "level_sweep", "compare_estimators"),
         *("configure_jax", "simulate_batch", "simulate_imposed"),
         *("Observation", "Gaussian", "Cauchy", "Huber", "Replicas", "fit_many"),
+        *("Given", "GivenEffect", "GivenModel"),
         *("Profile", "profile_likelihood", "Bootstrap", "bootstrap"),
         *("Information", "fisher_information", "Identifiability", "identifiability"),
         "hold_out_last_third",

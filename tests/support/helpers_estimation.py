@@ -140,4 +140,6 @@ def base_fit(starts, recordings, *, progress=silent, known_inertia=False, encode
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     batch = make_batch(tuple(recordings), encoder_step=encoder_step)
     with ThreadPoolExecutor(2) as executor:
-        return fit_base(starts, batch, held_out, executor, progress, known_inertia=known_inertia)
+        return fit_base(
+            starts, batch, held_out, executor, progress, fixed=frozenset({"J"} if known_inertia else ())
+        )

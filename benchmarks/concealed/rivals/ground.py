@@ -119,6 +119,7 @@ def ground_of(case: fj.Case, base: dict[str, float]) -> Ground:
     recordings = case.fit_recordings + case.holdout_recordings
     batch = make_batch(recordings, encoder_step=case.plant.encoder_step)
     held_out = np.array([r.role == "holdout" for r in recordings])
-    posterior, vector = robust_posterior(drive, batch, held_out, known_inertia=case.plant.inertia is not None)
+    fixed = frozenset() if case.plant.inertia is None else frozenset({"J"})
+    posterior, vector = robust_posterior(drive, batch, held_out, fixed=fixed)
     scales = plant_scales(drive, batch)
     return Ground(case, drive, batch, held_out, posterior, np.asarray(vector), scales)

@@ -19,6 +19,7 @@ from frictionjax.estimation.descent.robust import Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import at_a_bound
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 from frictionjax.physics import Drive
 
@@ -36,18 +37,17 @@ def base_of(
     executor: Executor,
     progress: Progress,
     *,
-    known_inertia: bool,
     rule: Rule = Rule(),
 ) -> Model:
     """The base model fitted to the recordings of `starting` that are not held out, in parallel by the `executor`, with
-    `progress`; `known_inertia` keeps J fixed, and the `rule` says how many integration steps are enough."""
+    `progress`; what the user knows of it stays, and the `rule` says how many integration steps are enough."""
     return fit_base(
         starting.start.drives,
         starting.batch,
         starting.held_out,
         executor,
         progress,
-        known_inertia=known_inertia,
+        fixed=starting.own.fixed,
         rule=rule,
     )
 
@@ -59,10 +59,11 @@ def fit_base(
     executor: Executor,
     progress: Progress,
     *,
-    known_inertia: bool = False,
+    fixed: frozenset[str] = frozenset(),
     rule: Rule = Rule(),
 ) -> Model:
-    """Fit inertia and LuGre parameters to the recordings of `batch` that are not `held_out`, robustly.
+    """Fit inertia, LuGre parameters and effects of the `starts` to the recordings of `batch` that are not `held_out`,
+    robustly; but for the parameters whose paths are `fixed`.
 
     Where physics is missing the loss has several minima, and the misfits of the starting values do not show which of
     them leads to the lowest: each of the `starts` is fitted with the fast observer, and the two with the lowest misfit
@@ -73,7 +74,8 @@ def fit_base(
     """
     progress(f"base fit: {len(starts)} starting values", 0.0)
     # Each has a range of its own: starts may lie orders of magnitude apart.
-    posed = [robust_posterior(start, batch, held_out, known_inertia=known_inertia) for start in starts]
+    scales = plant_scales(starts[0], batch)
+    posed = [robust_posterior(start, batch, held_out, scales=scales, fixed=fixed) for start in starts]
     fast = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), posed))
     order = sorted(range(len(starts)), key=lambda number: fast[number].misfit)
     progress("base fit: slow observer", 0.6)

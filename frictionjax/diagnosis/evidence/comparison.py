@@ -38,7 +38,7 @@ def compare(
         after=forms_of(after),
         effect=added.name if added is not None else "",
         form=type(added).__name__ if added is not None else "",
-        exact=tuple(bool(one.about.one_law) for one in after.drive.effects),
+        exact=tuple(bool(one.about.one_law) for one in after.drive.effects[len(before.drive.effects) :]),
         misfits_before=before.misfits(floor),
         misfits_after=after.misfits(floor),
         misfit_errors=before.misfit_errors(),

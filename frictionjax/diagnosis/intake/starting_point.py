@@ -4,6 +4,8 @@ All recordings of a case are of one kind: an input was applied and the position 
 the friction force measured.
 """
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool
@@ -11,10 +13,11 @@ from jaxtyping import Bool
 from frictionjax.core import InputError
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.intake.checks import check_usable
+from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
-from frictionjax.estimation.start.driven import Start, starting_values
+from frictionjax.estimation.start.driven import Start
 from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.recordings import Case, Recording
 
@@ -23,12 +26,14 @@ _NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified.
 
 class StartingPoint(eqx.Module):
     """The `recordings` of a case, the fitted ones first; the same in arrays, `batch`; which are `held_out` (bool, shape
-    `(r,)`); the starting values, `start`; and `notes`, sentences for the warnings."""
+    `(r,)`); the starting values, `start`; what the user knows of the base model, `own`; and `notes`, sentences for the
+    warnings."""
 
     recordings: tuple[Recording, ...]
     batch: AbstractBatch
     held_out: Bool[np.ndarray, " r"]
     start: Start
+    own: OwnModel
     notes: tuple[str, ...] = eqx.field(static=True)
 
     @property
@@ -45,19 +50,29 @@ class StartingPoint(eqx.Module):
 
 def starting_point(case: Case) -> StartingPoint:
     """Estimate starting values from the fitted recordings of a `case` that passes `check`."""
-    plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
+    plant, recordings, own = case.plant, case.fit_recordings + case.holdout_recordings, own_model(case)
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     if recordings[0].drive == "motion":
         batch = make_imposed_batch(recordings)
         start = starting_values_imposed(case.fit_recordings, inertia=plant.inertia)
-        return StartingPoint(recordings, batch, held_out, start, (*start.notes, _NO_INERTIA))
-    start = starting_values(
-        case.fit_recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia
-    )
+        drives = tuple(own.applied(drive) for drive in start.drives)
+        start = dataclasses.replace(start, drives=drives)
+        return StartingPoint(
+            recordings, batch, held_out, start, own, (*start.notes, _NO_INERTIA, *_said(own))
+        )
+    start, own = starting_values_beside(own, case)
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
     no_constant = "The motor constant is unknown: every force is per input unit."
     notes = () if plant.motor_constant is not None else (no_constant,)
-    return StartingPoint(recordings, batch, held_out, start, (*start.notes, *notes))
+    return StartingPoint(recordings, batch, held_out, start, own, (*start.notes, *notes, *_said(own)))
+
+
+def _said(own: OwnModel) -> tuple[str, ...]:
+    """What the report says of the user's `own` model."""
+    names = ", ".join(effect.name for effect in own.effects)
+    fixed = sorted(path.split(".")[-1] for path in own.fixed if path != "J")
+    said = (f"As the case says, the base model contains {names}.",) if names else ()
+    return (*said, f"Fixed by the case: {', '.join(fixed)}.") if fixed else said
 
 
 def check(case: Case) -> None:

@@ -153,8 +153,10 @@ def _around(
     for gap, share in itertools.product(gaps, shares):
         new = _with(posterior, vector, {"gap": gap, "drag": share * viscous / inertia}, place)
         left = max(1.0 - share, _LEAST_LEFT) * viscous
-        sigma2 = next(i for i, free in enumerate(posterior.layout) if free.path == "friction.sigma2")
-        models.append(changed(new, sigma2, new[sigma2] + np.log(left / float(drive.friction.sigma2))))
+        for index, free in enumerate(posterior.layout):
+            if free.path == "friction.sigma2":  # unless it is fixed
+                new = changed(new, index, new[index] + np.log(left / float(drive.friction.sigma2)))
+        models.append(new)
     return models
 
 

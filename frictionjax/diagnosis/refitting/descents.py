@@ -14,13 +14,13 @@ from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.refitting.backlash_search import heavier, search_backlash, without_chaos
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.descent.robust import Ending, Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed, pack
+from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics.effects import AbstractLoadEffect
 
 Vector = Float[Numbers, " q"]
@@ -32,7 +32,8 @@ class Start:
 
     **Attributes:** `model` (without them), `fast` (its objective with the fast observer), its `misfit` there, `scales`
     (the plant's sizes), `graduate` (whether descents begin with a wide loss), `ratio` (part of the inertia that stick
-    lacks, or None), `pair` (antiresonance and resonance, or None), `rule`, `effort`.
+    lacks, or None), `pair` (antiresonance and resonance, or None), `base_effects` (how many the base model has),
+    `rule`, `effort`.
     """
 
     model: Model
@@ -42,8 +43,14 @@ class Start:
     graduate: bool
     ratio: float | None
     pair: Pair | None
+    base_effects: int
     rule: Rule
     effort: Effort
+
+    @property
+    def has_found(self) -> bool:
+        """Whether the model has effects that the base model has not."""
+        return len(self.model.posterior.drive.effects) > self.base_effects
 
     def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
         """Objective and vector of the model with the silent effect of the `trial`."""

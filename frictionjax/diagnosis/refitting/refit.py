@@ -23,10 +23,10 @@ from frictionjax.diagnosis.refitting.descents import (
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.refitting.shortlist import backlash_candidates
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
+from frictionjax.estimation.start.force_balance import Balanced
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Hints:
     - `gaps`: trials of a load behind a gap, one a form: it is searched where nothing explains most and stick lacks a
       part of the inertia, or where it is on the short list.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
+    - `base_effects`: how many effects the base model has.
     - `balanced`: gives the trials of forces that the force balance asks for, each with what it says (`force_balance`);
       called only where refits are stuck.
     """
@@ -48,6 +49,7 @@ class Hints:
     absorbed: Sequence[Trial] = ()
     gaps: Sequence[Trial] = ()
     stick_inertia: float | None = None
+    base_effects: int = 0
     balanced: Callable[[], Sequence[tuple[Trial, Balanced]]] = tuple
 
 
@@ -92,6 +94,7 @@ def refit_all(
         graduate=model.posterior.batch.imposed,
         ratio=load_ratio(model.posterior, model.fitted.vector, hints.stick_inertia, effort=effort),
         pair=hints.pair,
+        base_effects=hints.base_effects,
         rule=rule,
         effort=effort,
     )
@@ -112,7 +115,7 @@ def _from_other_starts(
     most = budget.left * start.misfit
     # A model that has effects already has left the minimum that the base model came to rest in.
     stuck = min(one.fitted.misfit for one in candidates) > most and start.misfit > budget.far
-    if stuck and not start.model.posterior.drive.effects:
+    if stuck and not start.has_found:
         candidates = _foremost(candidates, start, budget.near)
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
@@ -131,7 +134,7 @@ def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]
     """Those of the `candidates` that go on with the slow observer: near the best gain, the best of each form."""
     budget = start.effort.refitting
     gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
-    if start.model.posterior.drive.effects and gains.max() < budget.hopeless * start.misfit:
+    if start.has_found and gains.max() < budget.hopeless * start.misfit:
         # One of them goes on, to be shown; none will be named beside the effects that are.
         best = int(np.argmax(gains))
         candidates, gains = [candidates[best]], gains[best:][:1]

@@ -21,12 +21,12 @@ from frictionjax.diagnosis.refitting.shortlist import (
     short_list,
 )
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
+from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics.effects import catalogue
 
 
@@ -38,7 +38,7 @@ class Candidates:
     plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
     or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
     not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives the forces that the force
-    balance asks for), `rule`, `effort`.
+    balance asks for), `rule`, `effort`, `base_effects` (how many the base model has).
     """
 
     executor: Executor
@@ -51,6 +51,7 @@ class Candidates:
     balanced: Callable[[], tuple[Balanced, ...]]
     rule: Rule
     effort: Effort
+    base_effects: int = 0
 
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
@@ -67,6 +68,7 @@ class Candidates:
             absorbed_by_base(open_to, effort=self.effort),
             backlash_candidates(open_to),
             self.stick_inertia,
+            self.base_effects,
             lambda: self._asked_for(open_to),
         )
         refits = refit_all(
@@ -97,8 +99,9 @@ class Candidates:
         without = self.without | (frozenset(catalogue()) - names)
         tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
         chosen = [one for some in tried for one in one_of_each(some) if np.isfinite(one.gain)]
+        hints = Hints(self.pair, base_effects=self.base_effects)
         refits = refit_all(
-            chosen, model, self.scales, self.executor, Hints(self.pair), rule=self.rule, effort=self.effort
+            chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
         )
         return [trial for some in tried for trial in some], refits
 

@@ -270,7 +270,7 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
 
     It starts once with the other parameters of `full` and once with those of `base`, and the better end is returned.
     """
-    effects = full.posterior.drive_of(full.fitted.vector).effects
+    effects = full.posterior.drive_of(full.fitted.vector).effects[len(base.posterior.drive.effects) :]
     count, deflections = len(base.posterior.layout), full.fitted.vector[len(full.posterior.layout) :]
     # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
     own = full.posterior

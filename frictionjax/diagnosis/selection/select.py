@@ -12,7 +12,6 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.refitting.refitted import ease
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.screening.force_balance import Balanced
 from frictionjax.diagnosis.screening.resonance import resonance_pair
 from frictionjax.diagnosis.selection.refit_candidates import Candidates
 from frictionjax.diagnosis.selection.refitted_tables import RefittedTables
@@ -20,6 +19,7 @@ from frictionjax.diagnosis.selection.search import Decision, decide
 from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.table import Table
 from frictionjax.estimation.scales import plant_scales
+from frictionjax.estimation.start.force_balance import Balanced
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +70,17 @@ def select(
         fitted = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         pair = resonance_pair(posterior.batch, fitted)  # type: ignore[arg-type]
     candidates = Candidates(
-        executor, progress, scales, pair, without, barred, stick_inertia, balanced, rule, effort
+        executor,
+        progress,
+        scales,
+        pair,
+        without,
+        barred,
+        stick_inertia,
+        balanced,
+        rule,
+        effort,
+        base_effects=len(posterior.drive.effects),
     )
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)

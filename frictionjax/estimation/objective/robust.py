@@ -30,7 +30,7 @@ def robust_posterior(
     held_out: Bool[np.ndarray, " r"],
     *,
     scales: dict[str, float] | None = None,
-    known_inertia: bool = False,
+    fixed: frozenset[str] = frozenset(),
 ) -> tuple[Posterior, Float[Numbers, " q"]]:
     """The posterior of the structure of `drive` on all recordings, by the fast observer, and the vector of `drive`.
 
@@ -39,11 +39,13 @@ def robust_posterior(
     - `drive`: structure and start.
     - `batch`: the recordings; `held_out` (bool, shape `(r,)`): those that determine no parameter.
     - `scales`: the plant's own sizes by name, for the effects' scales.
-    - `known_inertia`: keep J; it is kept in any case where all motion is imposed and it does not act.
+    - `fixed`: paths of the parameters that stay as they are, such as `J` or `friction.Fc`; J stays in any case where
+        all motion is imposed and it does not act.
     """
     dt, imposed = float(np.max(batch.dt)), batch.imposed
-    layout = base_layout(drive, dt / batch.substeps, known_inertia=known_inertia or imposed, imposed=imposed)
+    layout = base_layout(drive, dt / batch.substeps, known_inertia=imposed, imposed=imposed)
     layout += effect_layout(drive, scales or {})
+    layout = tuple(free for free in layout if free.path not in fixed)
     recordings = batch.x.shape[0]
     start = np.concatenate([pack(layout, drive), np.zeros(recordings)])
     evidence = as_evidence(batch, FAST_BANDWIDTH)

@@ -120,17 +120,29 @@ def _names(effect: AbstractEffect) -> list[str]:
     return [parameter.name for parameter in effect.strengths]
 
 
+def force_of(
+    effect: AbstractForceEffect, friction: LuGre, recording: Recording, motor_constant: float
+) -> Float[np.ndarray, " n"]:
+    """Force of an `effect` of the present motion along the smoothed `recording`, force units, shape `(n,)`; `friction`
+    gives scales, `motor_constant` times u is the motor force."""
+    return _along(effect, friction, smooth_motion(recording, motor_constant))
+
+
 def _forces(form: AbstractForceEffect, friction: LuGre, motion: SlidingMotion) -> Float[np.ndarray, "n k"]:
     """The force of each strength alone, at one, along the `motion`."""
 
-    def along(effect: AbstractForceEffect) -> Float[Numbers, " n"]:
-        def at(x: Float[Numbers, ""], v: Float[Numbers, ""], push: Float[Numbers, ""]) -> Float[Numbers, ""]:
-            return effect.force(friction, Now(x, v, push, jnp.zeros(()), jnp.zeros(0)))
-
-        return jax.vmap(at)(jnp.asarray(motion.x), jnp.asarray(motion.v), jnp.asarray(motion.force))
-
     alone = [dataclasses.replace(form, **{name: 1.0}) for name in _names(form)]
-    return np.stack([np.asarray(along(one)) for one in alone], axis=1)
+    return np.stack([_along(one, friction, motion) for one in alone], axis=1)
+
+
+def _along(effect: AbstractForceEffect, friction: LuGre, motion: SlidingMotion) -> Float[np.ndarray, " n"]:
+    """The force of an `effect` along the `motion`."""
+
+    def at(x: Float[Numbers, ""], v: Float[Numbers, ""], push: Float[Numbers, ""]) -> Float[Numbers, ""]:
+        return effect.force(friction, Now(x, v, push, jnp.zeros(()), jnp.zeros(0)))
+
+    found = jax.vmap(at)(jnp.asarray(motion.x), jnp.asarray(motion.v), jnp.asarray(motion.force))
+    return np.asarray(found)
 
 
 def _with_friction(start: Drive, fit: SlidingFit, motions: tuple[SlidingMotion, ...]) -> Drive:

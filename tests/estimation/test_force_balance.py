@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frictionjax.diagnosis.screening.force_balance import force_balance, linear_forces
 from frictionjax.estimation import starting_values
+from frictionjax.estimation.start.force_balance import force_balance, linear_forces
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Recording, load_case
 
