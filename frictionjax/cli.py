@@ -3,9 +3,12 @@
 import argparse
 import gc
 import json
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -31,17 +34,40 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     **Returns:**
 
-    The exit status: 0 whatever the verdict, 2 for bad input (one line on stderr), 130 when interrupted.
-    Errors in the options themselves end the process with status 2.
+    The exit status: 0 whatever the verdict, 2 for bad input (one line on stderr), 130 when interrupted, 143 when asked
+    to end (SIGTERM). Errors in the options themselves end the process with status 2.
     """
     arguments = _parser().parse_args(argv)
     terminal = _Terminal()
     try:
-        return _run(arguments, terminal)
-    except KeyboardInterrupt:
+        with _terminable():
+            return _run(arguments, terminal)
+    except KeyboardInterrupt as interrupt:
         terminal.close()
-        terminal.line("frictionjax: interrupted")
-        return 130
+        asked = isinstance(interrupt, _AskedToEnd)
+        terminal.line(f"frictionjax: {'asked to end' if asked else 'interrupted'}")
+        return 143 if asked else 130
+
+
+class _AskedToEnd(KeyboardInterrupt):
+    """SIGTERM: what is being written is completed or removed, as after Ctrl-C."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Raise `_AskedToEnd` on SIGTERM."""
+
+    def end(number: int, frame: Any) -> NoReturn:
+        raise _AskedToEnd
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -163,10 +189,10 @@ def _run(arguments: argparse.Namespace, terminal: "_Terminal") -> int:
 
 
 def _diagnose(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
-    from frictionjax.report.save import check_writable
+    from frictionjax.report import reserved
 
-    check_writable(arguments.out)
-    _finish(_case(arguments), arguments.out, terminal, start=0.0)
+    with reserved(arguments.out):
+        _finish(_case(arguments), arguments.out, terminal, start=0.0)
 
 
 def _case(arguments: argparse.Namespace) -> "Case":
@@ -192,14 +218,13 @@ def _case(arguments: argparse.Namespace) -> "Case":
 def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
     from frictionjax.demo import write_demo_case
     from frictionjax.recordings import load_case
-    from frictionjax.report import truth_lines
-    from frictionjax.report.save import check_writable
+    from frictionjax.report import reserved, truth_lines
 
-    check_writable(arguments.out)
     seed = {} if arguments.seed is None else {"seed": arguments.seed}
     part = 0.1  # writing the case takes about a tenth of the time
-    file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
-    diagnosis = _finish(load_case(file), arguments.out, terminal, start=part)
+    with reserved(arguments.out):
+        file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
+        diagnosis = _finish(load_case(file), arguments.out, terminal, start=part)
     truth = file.parent / "sealed" / "truth.json"
     _say(["", f"True model ({truth}), not used by the diagnosis:"])
     _say(truth_lines(json.loads(truth.read_text(encoding="utf-8")), diagnosis))
@@ -227,16 +252,26 @@ def _paper(arguments: argparse.Namespace, terminal: "_Terminal") -> None:
 def _finish(case: "Case", out: Path, terminal: "_Terminal", *, start: float) -> "Diagnosis":
     """Diagnose, save and print the summary: the last part of both commands."""
     from frictionjax.api import diagnose  # through api: there report.html is registered as a file to write
-    from frictionjax.report import summary_lines
+    from frictionjax.core import InputError
+    from frictionjax.report import check_writable, rescue_diagnosis, summary_lines
 
+    check_writable(out, case)
     diagnosis = diagnose(case, progress=terminal.part(start, 1.0))
     terminal.progress("writing the report", 1.0)
-    diagnosis.save(out)
+    lost: InputError | None = None
+    try:
+        saved = diagnosis.save(out)
+    except InputError as error:
+        saved = rescue_diagnosis(diagnosis)
+        lost = InputError(f"{error} The result was written into {saved} instead")
     terminal.close()
     for warning in diagnosis.warnings:
         terminal.warn(warning)
     _say(summary_lines(diagnosis))
-    _say(["", "Written:", *(f"  {out / name}" for name in ("report.html", "verdict.json", "fit"))])
+    files = [saved / name for name in ("report.html", "verdict.json", "fit")]
+    _say(["", "Written:", *(f"  {file}" for file in files if file.exists())])
+    if lost is not None:
+        raise lost
     return diagnosis
 
 

@@ -23,6 +23,12 @@ role = "fit"
 """
 
 
+class NamedCase(str):
+    """Stands in for a case: its name, and no recordings."""
+
+    recordings = ()
+
+
 @pytest.fixture
 def api(monkeypatch):
     """Stands in for `frictionjax.api`: the program's own work, without minutes of fitting."""
@@ -39,11 +45,11 @@ def api(monkeypatch):
         return calls["diagnosis"]
 
     def load_case(path):
-        return f"case of {path}"
+        return NamedCase(f"case of {path}")
 
     def case_from_files(files, holdout, **options):
         calls["bare"] = (files, holdout, options)
-        return "bare case"
+        return NamedCase("bare case")
 
     stub = types.ModuleType("frictionjax.api")
     vars(stub).update(diagnose=diagnose, save_diagnosis=save_diagnosis, __all__=["save_diagnosis"])

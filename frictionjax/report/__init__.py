@@ -2,6 +2,8 @@
 
 from frictionjax.report.page import write_report as write_report
 from frictionjax.report.save import check_writable as check_writable
+from frictionjax.report.save import rescue_diagnosis as rescue_diagnosis
+from frictionjax.report.save import reserved as reserved
 from frictionjax.report.save import save_diagnosis as save_diagnosis
 from frictionjax.report.save import verdict_json as verdict_json
 from frictionjax.report.terminal import summary_lines as summary_lines

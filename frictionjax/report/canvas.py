@@ -38,6 +38,9 @@ _STYLE = {
     "lines.linewidth": 1.1,
     "lines.solid_joinstyle": "round",
     "agg.path.chunksize": 0,
+    # Units and names are text of the user: a dollar sign is one, and no formula begins there.
+    "text.parse_math": False,
+    "text.usetex": False,
 }
 
 

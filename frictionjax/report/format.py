@@ -5,14 +5,16 @@ from collections.abc import Sequence
 
 from frictionjax.core import Estimate
 from frictionjax.core.quantities import power_of_thousand, prefixed
+from frictionjax.recordings.words import shown
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _TAKES_PREFIX = {"m", "rad", "N", "Nm", "N*m", "N m", "V", "A"}
+_LONGEST_UNIT = 40  # characters
 DASH = "–"
 
 
 def unit_text(unit: str) -> str:
-    """A unit for the eye: `"kg*m^2"` becomes "kg·m²"; a ratio (`"1"`) becomes empty.
+    """A unit for the eye: `"kg*m^2"` becomes "kg·m²"; a ratio (`"1"`) becomes empty; one too long for a label is cut.
 
     **Arguments:**
 
@@ -20,7 +22,7 @@ def unit_text(unit: str) -> str:
     """
     if unit == "1":
         return ""
-    text = unit.replace("*", "·")
+    text = shown(unit, _LONGEST_UNIT).replace("*", "·")
     while "^" in text:
         head, _, tail = text.partition("^")
         digits = next(

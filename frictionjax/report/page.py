@@ -40,7 +40,8 @@ def write_report(diagnosis: Diagnosis, directory: Path) -> None:
     - `diagnosis`: what `diagnose` found.
     - `directory`: an existing directory.
     """
-    (directory / "report.html").write_text(render(diagnosis), encoding="utf-8")
+    # A name that is not UTF-8 is written with escapes.
+    (directory / "report.html").write_bytes(render(diagnosis).encode("utf-8", "backslashreplace"))
 
 
 def render(diagnosis: Diagnosis) -> str:

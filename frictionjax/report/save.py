@@ -1,39 +1,29 @@
-"""Saving a diagnosis: verdict.json, comparisons.json, fit/*.csv and report.html, all of it or nothing."""
+"""Saving a diagnosis: verdict.json, comparisons.json and fit/*.csv in one step, then report.html."""
 
 import dataclasses
 import json
-import re
 import shutil
 import tempfile
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from frictionjax.core import InputError
+from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.core.json import plain_json
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_json
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.recordings import Case
+from frictionjax.report.claim import Claim, claimed, uninterrupted
+from frictionjax.report.fit_csv import fit_files, write_fit_csv
 from frictionjax.report.page import write_report
+from frictionjax.report.replace import CURE, FILES, VERDICT, put_in_place, refuse_foreign
 
 SCHEMA = "frictionjax.verdict/1"
-COLUMNS = (
-    "t",
-    "u",
-    "x",
-    "free_base",
-    "free_extended",
-    "predicted_base",
-    "predicted_extended",
-    "residual_force",
-    "residual_force_std",
-)
-_HEADER = ",".join(COLUMNS)
-_CURE = "Choose another output directory, or make room for this one."
+_BYTES_A_SAMPLE = 160  # of fit/*.csv, ten numbers of up to 15 characters and a sign
 
 
 def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -50,6 +40,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
     A dictionary with the schema's keys in the schema's order; lengths, forces and inputs are in `units`.
     """
     plant, unexplained = diagnosis.plant, diagnosis.unexplained
+    files = fit_files(recording.name for recording in diagnosis.recordings)
     content = {
         "schema": SCHEMA,
         "case": diagnosis.case,
@@ -89,7 +80,10 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "base": {"parameters": diagnosis.base},
         "extended": {"parameters": diagnosis.extended},
-        "fit": {recording.name: _fit_json(recording) for recording in diagnosis.recordings},
+        "fit": {
+            recording.name: _fit_json(recording) | {"file": f"fit/{files[recording.name]}"}
+            for recording in diagnosis.recordings
+        },
         "candidates": [
             {
                 "effect": candidate.effect,
@@ -141,7 +135,7 @@ def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
     return plain_json(content)
 
 
-def check_writable(directory: str | Path) -> None:
+def check_writable(directory: str | Path, case: Case | None = None) -> None:
     """Raise `InputError` unless `save_diagnosis` could write into `directory` now; changes nothing.
 
     Called before a long computation, so that its result is not lost to a mistyped path.
@@ -149,26 +143,55 @@ def check_writable(directory: str | Path) -> None:
     **Arguments:**
 
     - `directory`: where the result is to go; it and its parents need not exist.
+    - `case`: what is to be diagnosed; with it, the files of its recordings are checked, too.
     """
     directory = Path(directory).absolute()
+    recordings = () if case is None else case.recordings
+    files = list(fit_files(recording.name for recording in recordings).values())
     with _sentences(directory):
         anchor = _nearest_existing(directory)
         if not anchor.is_dir():
-            raise InputError("is a file, so no result can be written there", file=anchor, cure=_CURE)
-        # Trying beats asking: permission bits do not tell of read-only file systems, nor do they bind root.
-        Path(tempfile.mkdtemp(dir=anchor, prefix=".frictionjax-")).rmdir()
-        for name in ("verdict.json", "comparisons.json", "report.html"):
+            raise InputError("is a file, so no result can be written there", file=anchor, cure=CURE)
+        # Trying beats asking: permission bits do not show read-only file systems, nor do they bind root.
+        trial = Path(tempfile.mkdtemp(dir=anchor, prefix=".frictionjax-"))
+        try:
+            for name in (*directory.relative_to(anchor).parts, *files):
+                (trial / name).touch()
+        finally:
+            shutil.rmtree(trial)
+        for name in FILES:
             if (directory / name).is_dir():
-                raise InputError("is a directory where a file is to go", file=directory / name, cure=_CURE)
+                raise InputError("is a directory where a file is to go", file=directory / name, cure=CURE)
         if (directory / "fit").exists() and not (directory / "fit").is_dir():
-            raise InputError("is a file where a directory is to go", file=directory / "fit", cure=_CURE)
+            raise InputError("is a file where a directory is to go", file=directory / "fit", cure=CURE)
+        refuse_foreign(directory, [Path("fit", name) for name in files])
+        needed = _BYTES_A_SAMPLE * sum(recording.x.size for recording in recordings)
+        if shutil.disk_usage(anchor).free < needed:
+            problem = f"has no room for the result, which takes {needed / 1e6:.3g} MB"
+            raise InputError(problem, file=anchor, cure=CURE)
+
+
+@contextmanager
+def reserved(directory: str | Path, case: Case | None = None) -> Iterator[None]:
+    """Keep an output directory for this run, from before the work until its result is written.
+
+    **Arguments:** `directory` and `case`, as `check_writable` has them.
+
+    **Raises:** `InputError` as `check_writable` does, and where another run writes into the directory.
+    """
+    check_writable(directory, case)
+    with ExitStack() as stack:
+        with _sentences(Path(directory).absolute()):
+            stack.enter_context(claimed(Path(directory)))
+        yield
 
 
 def save_diagnosis(diagnosis: Diagnosis, directory: str | Path, *, report: bool = True) -> Path:
-    """Write verdict.json, comparisons.json, fit/*.csv and report.html into `directory`: all of them, or none.
+    """Write verdict.json, comparisons.json, fit/*.csv and report.html into `directory`.
 
-    Everything is written into a temporary directory first and moved into place by renaming. Results of an
-    earlier run in `directory` are replaced; any other file in it is left alone.
+    The numbers come first, all of them in one step; then the report is drawn. A report that cannot be drawn is left
+    out, with a `FrictionjaxWarning`. Results of an earlier run in `directory` are replaced; any other file in it is
+    left alone.
 
     **Arguments:**
 
@@ -178,43 +201,31 @@ def save_diagnosis(diagnosis: Diagnosis, directory: str | Path, *, report: bool 
 
     **Returns:**
 
-    `directory`, as a Path. Raises `InputError` when it cannot be written.
+    `directory`, as a Path. Raises `InputError` when it cannot be written: then an earlier result is still there.
     """
-    target = Path(directory).absolute()
-    check_writable(target)
-    with _sentences(target):
-        # Inside the target when there is one: its parent may be read-only, or another file system.
-        staging = Path(tempfile.mkdtemp(dir=_nearest_existing(target), prefix=".frictionjax-"))
-        try:
-            fresh = (
-                staging / "new"
-            )  # mkdtemp is private to its owner; this one gets the user's own permissions
-            fresh.mkdir()
-            _write_all(diagnosis, fresh, report)
-            _move_into_place(fresh, target, staging / "old")
-        finally:
-            shutil.rmtree(staging, ignore_errors=True)
+    check_writable(directory)
+    with _sentences(Path(directory).absolute()), claimed(Path(directory)) as claim:
+        fresh = claim.staging / "new"
+        fresh.mkdir()
+        _write_numbers(diagnosis, fresh)
+        with uninterrupted():
+            put_in_place(fresh, claim.target, claim.staging)
+        if report:
+            _add_report(diagnosis, claim)
     return Path(directory)
 
 
-def write_fit_csv(recording: RecordingFit, file: Path) -> None:
-    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits;
-    the measured `force` after them where it is the answer.
+def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
+    """Write what `save_diagnosis` writes, without the report, into a new folder for temporary files; returns it.
 
     **Arguments:**
 
-    - `recording`: arrays of shape `(n,)`; t in s, the others in the units of the plant.
-    - `file`: the file to write.
+    - `diagnosis`: what `diagnose` found, and no other directory took.
     """
-    columns = COLUMNS if recording.force is None else (*COLUMNS, "force")
-    table = np.column_stack([np.asarray(getattr(recording, name), float) for name in columns])
-    row = ",".join(["%.9g"] * len(columns)) + "\n"
-    with file.open("w", encoding="ascii", newline="") as stream:
-        stream.write(",".join(columns) + "\n")
-        # One `%` for thousands of rows: three times as fast as row by row.
-        for start in range(0, len(table), 4096):
-            chunk = table[start : start + 4096]
-            stream.write((row * len(chunk)) % tuple(chunk.ravel().tolist()))
+    directory = Path(tempfile.mkdtemp(prefix="frictionjax-"))
+    with _sentences(directory):
+        _write_numbers(diagnosis, directory)
+    return directory
 
 
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
@@ -232,53 +243,40 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     }
 
 
-def _write_all(diagnosis: Diagnosis, directory: Path, report: bool) -> None:
-    text = json.dumps(verdict_json(diagnosis), indent=1, ensure_ascii=False, allow_nan=False)
-    (directory / "verdict.json").write_text(text + "\n", encoding="utf-8")
-    text = json.dumps(comparisons_json(diagnosis), ensure_ascii=False, allow_nan=False)
-    (directory / "comparisons.json").write_text(text + "\n", encoding="utf-8")
+def _write_numbers(diagnosis: Diagnosis, directory: Path) -> None:
+    for name, content, indent in (
+        (VERDICT, verdict_json(diagnosis), 1),
+        ("comparisons.json", comparisons_json(diagnosis), None),
+    ):
+        text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+        # Half a character, of a file name that is not UTF-8, is written as JSON escapes it.
+        (directory / name).write_bytes((text + "\n").encode("utf-8", "backslashreplace"))
     (directory / "fit").mkdir()
+    files = fit_files(recording.name for recording in diagnosis.recordings)
     for recording in diagnosis.recordings:
-        stem = re.sub(r"[/\\\0]", "_", recording.name)
-        write_fit_csv(recording, directory / "fit" / f"{stem}.csv")
-    if report:
-        write_report(diagnosis, directory)
+        write_fit_csv(recording, directory / "fit" / files[recording.name])
 
 
-def _move_into_place(fresh: Path, target: Path, old: Path) -> None:
-    """Rename `fresh` into `target`, an earlier result making way into `old`; any failure puts everything back."""
-    if not target.exists():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        fresh.rename(target)
-        return
-    new_files = [path.relative_to(fresh) for path in sorted(fresh.rglob("*")) if path.is_file()]
-    for name in new_files:
-        if name.parent.name == "fit" and (target / name).exists() and not _is_fit_csv(target / name):
-            problem = "exists and was not written by frictionjax, so it is not overwritten"
-            raise InputError(problem, file=target / name, cure="Choose another output directory.")
-    earlier = [path for path in (target / "fit").glob("*.csv") if _is_fit_csv(path)]
-    earlier += [target / name for name in new_files if name.parent.name != "fit" and (target / name).exists()]
-    moves = [(path, old / path.relative_to(target)) for path in earlier]
-    moves += [(fresh / name, target / name) for name in new_files]
-    done: list[tuple[Path, Path]] = []
+def _add_report(diagnosis: Diagnosis, claim: Claim) -> None:
+    """report.html beside the numbers; whatever prevents it, these are there."""
+    drawn = claim.staging / "report"
+    drawn.mkdir()
     try:
-        for source, destination in moves:
-            destination.parent.mkdir(parents=True, exist_ok=True)
-            source.rename(destination)
-            done.append((source, destination))
-    except BaseException:
-        for source, destination in reversed(done):
-            destination.rename(source)
-        raise
-
-
-def _is_fit_csv(path: Path) -> bool:
-    with path.open("rb") as stream:
-        return stream.read(len(_HEADER)) == _HEADER.encode("ascii")
+        write_report(diagnosis, drawn)
+        (drawn / "report.html").replace(claim.target / "report.html")
+    except Exception as error:
+        said = f"report.html is missing, as it could not be written ({type(error).__name__}: {error})."
+        warnings.warn(FrictionjaxWarning(said), stacklevel=3)
 
 
 def _nearest_existing(directory: Path) -> Path:
-    return next(path for path in (directory, *directory.parents) if path.exists())
+    """The first of a directory and its parents that is there; raises `InputError` for a link to nothing among them."""
+    for path in (directory, *directory.parents):
+        if path.exists():
+            return path
+        if path.is_symlink():
+            raise InputError("is a link to a folder that does not exist", file=path, cure=CURE)
+    raise InputError("does not exist", file=directory.anchor, cure=CURE)
 
 
 @contextmanager
@@ -288,4 +286,4 @@ def _sentences(directory: Path) -> Iterator[None]:
         yield
     except OSError as error:
         problem = f"cannot be written ({error.strerror or error})"
-        raise InputError(problem, file=error.filename or directory, cure=_CURE) from error
+        raise InputError(problem, file=error.filename or directory, cure=CURE) from error
