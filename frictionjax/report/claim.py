@@ -55,22 +55,23 @@ def claimed(directory: Path) -> Iterator[Claim]:
         yield _HELD.claims[target]
         return
     missing = [folder for folder in target.parents if not folder.exists()]
-    target.parent.mkdir(parents=True, exist_ok=True)
+    staging, lock = _staging(target), None
     try:
-        staging = _staging(target)
-        lock = _locked(staging, target)
-        try:
+        with uninterrupted():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            lock = _locked(staging, target)
             _put_right(target, staging)
-            _HELD.claims[target] = claim = Claim(target, staging)
-            yield claim
-        finally:
-            _HELD.claims.pop(target, None)
-            _remove(staging)
-            os.close(lock)
+        _HELD.claims[target] = claim = Claim(target, staging)
+        yield claim
     finally:
-        with suppress(OSError):  # those that hold something by now
-            for folder in missing:
-                folder.rmdir()
+        with uninterrupted():
+            _HELD.claims.pop(target, None)
+            if lock is not None:
+                _remove(staging)
+                os.close(lock)
+            with suppress(OSError):  # those that hold something by now
+                for folder in missing:
+                    folder.rmdir()
 
 
 @contextmanager
@@ -137,9 +138,7 @@ def _locked(staging: Path, target: Path) -> int:
 
 def _put_right(target: Path, staging: Path) -> None:
     """Complete, or remove, what a killed process left in the folder `staging`."""
-    with uninterrupted():
-        finished = finish(target, staging)
-    if finished:
+    if finish(target, staging):
         said = f"{target}: the result of a run that was stopped while it was written has been put in place."
         warnings.warn(FrictionjaxWarning(said), stacklevel=5)
     _empty(staging)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import shutil
 import tempfile
 import warnings
@@ -17,6 +18,7 @@ from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_json
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.recordings import Case
+from frictionjax.recordings.words import shown
 from frictionjax.report.claim import Claim, claimed, uninterrupted
 from frictionjax.report.fit_csv import fit_files, write_fit_csv
 from frictionjax.report.page import write_report
@@ -153,12 +155,12 @@ def check_writable(directory: str | Path, case: Case | None = None) -> None:
         if not anchor.is_dir():
             raise InputError("is a file, so no result can be written there", file=anchor, cure=CURE)
         # Trying beats asking: permission bits do not show read-only file systems, nor do they bind root.
-        trial = Path(tempfile.mkdtemp(dir=anchor, prefix=".frictionjax-"))
-        try:
-            for name in (*directory.relative_to(anchor).parts, *files):
-                (trial / name).touch()
-        finally:
-            shutil.rmtree(trial)
+        tempfile.TemporaryFile(dir=anchor).close()
+        longest = os.pathconf(anchor, "PC_NAME_MAX") if hasattr(os, "pathconf") else 255
+        for name in (*directory.relative_to(anchor).parts, *files):
+            if len(os.fsencode(name)) > longest:
+                problem = f'"{shown(name)}" is too long for a name there, by {len(os.fsencode(name)) - longest} bytes'
+                raise InputError(problem, file=anchor, cure="Shorten it")
         for name in FILES:
             if (directory / name).is_dir():
                 raise InputError("is a directory where a file is to go", file=directory / name, cure=CURE)
