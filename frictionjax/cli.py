@@ -97,6 +97,12 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument(
         "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
     )
+    diagnose.add_argument(
+        "--allow-outside", action="store_true", help="let the case file name recordings outside of its folder"
+    )
+    diagnose.add_argument(
+        "--limit", type=float, metavar="GB", help="the most that is read of one file, unpacked (default: 0.5)"
+    )
     bare = diagnose.add_argument_group("for recordings without a case file (which sets these itself)")
     bare.add_argument(
         "--holdout",
@@ -203,7 +209,7 @@ def _case(arguments: argparse.Namespace) -> "Case":
     case_files = [name for name in arguments.inputs if Path(name).suffix.lower() == ".toml"]
     options = {name: getattr(arguments, name) for name in _BARE_OPTIONS}
     if not case_files:
-        return case_from_files(arguments.inputs, arguments.holdout, **options)
+        return case_from_files(arguments.inputs, arguments.holdout, limit=arguments.limit, **options)
     if others or arguments.holdout:
         problem = "a case file lists its own recordings, so it is the only argument"
         raise InputError(problem, file=case_files[0], cure="Give one case file, or recordings only")
@@ -212,7 +218,7 @@ def _case(arguments: argparse.Namespace) -> "Case":
             problem = f"`--{name.replace('_', '-')}` is for recordings without a case file"
             cure = f"Write {name} into the case file"
             raise InputError(problem, file=first, cure=cure)
-    return load_case(first)
+    return load_case(first, allow_outside=arguments.allow_outside, limit=arguments.limit)
 
 
 def _demo(arguments: argparse.Namespace, terminal: "_Terminal") -> None:

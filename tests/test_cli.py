@@ -1,17 +1,20 @@
 """The program from outside: what it prints, where, and the status with which it ends."""
 
 import json
+import signal
 import subprocess
 import sys
+import tempfile
 import types
 import warnings
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis
 
 from frictionjax.cli import main
-from frictionjax.core import FrictionjaxWarning
+from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.report.save import save_diagnosis
 
 CASE = """
@@ -44,7 +47,8 @@ def api(monkeypatch):
         progress("naming what is missing", 0.9)
         return calls["diagnosis"]
 
-    def load_case(path):
+    def load_case(path, **options):
+        calls["options"] = options
         return NamedCase(f"case of {path}")
 
     def case_from_files(files, holdout, **options):
@@ -178,6 +182,49 @@ def test_a_case_file_stands_alone(api, tmp_path, capsys, arguments, words):
     assert main(["diagnose", *arguments, "--out", str(tmp_path / "out")]) == 2
     assert words in only_line(capsys.readouterr().err)
     assert not (tmp_path / "out").exists()
+
+
+def test_what_may_be_read_is_an_option(api, tmp_path):
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 0
+    assert api["options"] == {"allow_outside": False, "limit": None}
+    assert main(["diagnose", "case.toml", "--allow-outside", "--limit", "2", "--out", str(tmp_path)]) == 0
+    assert api["options"] == {"allow_outside": True, "limit": 2.0}
+
+
+def test_a_request_to_end_is_a_line_and_status_143(api, tmp_path, capsys):
+    before = signal.getsignal(signal.SIGTERM)
+
+    def diagnose(case, *, progress):
+        signal.raise_signal(signal.SIGTERM)
+
+    api["stub"].diagnose = diagnose
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 143
+    assert capsys.readouterr().err == "frictionjax: asked to end\n"
+    assert not list(tmp_path.iterdir())
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_result_that_cannot_be_written_after_all_is_kept(api, tmp_path, capsys, monkeypatch):
+    def full(diagnosis, directory):
+        raise InputError("cannot be written (No space left on device)", file=directory)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    api["stub"].save_diagnosis = full
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path / "out")]) == 2
+    printed = capsys.readouterr()
+    assert printed.out.startswith(SUMMARY)
+    (saved,) = (path for path in tmp_path.iterdir() if path.name.startswith("frictionjax-"))
+    assert (saved / "verdict.json").exists()
+    assert f"No space left on device). The result was written into {saved} instead." in printed.err
+
+
+def test_what_stands_in_the_way_of_a_recording_is_found_before_the_work(api, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(NamedCase, "recordings", (types.SimpleNamespace(name="run", x=np.zeros(3)),))
+    (tmp_path / "fit").mkdir()
+    (tmp_path / "fit" / "run.csv").write_text("mine\n")
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 2
+    assert "run.csv: exists and was not written by frictionjax" in only_line(capsys.readouterr().err)
+    assert "case" not in api
 
 
 def test_an_unwritable_directory_is_found_before_the_work(api, tmp_path, capsys):

@@ -92,7 +92,7 @@ def diagnose(
     `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
-    check(case)
+    check(case, effort=effort)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
         return _diagnose(case, threads or executor, progress, rule, effort)  # type: ignore[arg-type]

@@ -133,10 +133,13 @@ class Backlash:
 class Effort:
     """Budgets of a diagnosis.
 
-    **Attributes:** `rounds` (of the stepwise selection: at most so many effects), `screening`, `refitting`, `backlash`.
+    **Attributes:** `rounds` (of the stepwise selection: at most so many effects), `longest_run` (integration steps of
+    all recordings together: a case that needs more is refused, as a diagnosis makes thousands of runs), `screening`,
+    `refitting`, `backlash`.
     """
 
     rounds: int = 3
+    longest_run: int = 5_000_000
     screening: Screening = Screening()
     refitting: Refitting = Refitting()
     backlash: Backlash = Backlash()

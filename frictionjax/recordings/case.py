@@ -7,19 +7,28 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
+from frictionjax.recordings.copies import copied_from
 from frictionjax.recordings.hold_out import hold_out_last_third
+from frictionjax.recordings.limits import CASE_FILE, NESTING, reading
 from frictionjax.recordings.model_table import parse_model
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
 from frictionjax.recordings.recording import Case, Recording
-from frictionjax.recordings.schema import CASE_KEYS, Entry, Spot, known_keys, parse_entry, parse_plant, text
+from frictionjax.recordings.schema import (
+    CASE_KEYS,
+    LONGEST_TEXT,
+    Entry,
+    Spot,
+    known_keys,
+    parse_entry,
+    parse_plant,
+    text,
+)
 from frictionjax.recordings.words import require_file, shown
 
 
-def load_case(path: str | Path) -> Case:
+def load_case(path: str | Path, *, allow_outside: bool = False, limit: float | None = None) -> Case:
     """Read a case file and every recording that it names.
 
     Paths in the file count from its folder. A file may occur more than once with different intervals; the
@@ -29,6 +38,8 @@ def load_case(path: str | Path) -> Case:
     **Arguments:**
 
     - `path`: the case file, TOML.
+    - `allow_outside`: whether it may name files outside of its own folder; links count by where they lead.
+    - `limit`: the most that is read of one file, unpacked, GB; None: 0.5 GB.
 
     **Returns:** the `Case`; each recording's `warnings` contain what the audit found.
 
@@ -42,7 +53,8 @@ def load_case(path: str | Path) -> Case:
     known_keys(table, CASE_KEYS, spot)
     folder = path.resolve().parent.name
     fallback = folder if path.stem == "case" and folder else path.stem
-    return _build(table, fallback, path.parent, spot)
+    with reading(limit):
+        return _build(table, fallback, path.parent, spot, confined=not allow_outside)
 
 
 def case_from_files(
@@ -61,6 +73,7 @@ def case_from_files(
     drive: str | None = None,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
+    limit: float | None = None,
 ) -> Case:
     """A case from bare files, all of one layout.
 
@@ -79,6 +92,7 @@ def case_from_files(
     - `drive`: `"force"` (default) or `"motion"`, for all files.
     - `columns`: which column is which, by role; absent: columns are called `t`, `u`, `x`, ...
     - `scale`: factors to the units above, by role.
+    - `limit`: as in `load_case`.
 
     **Returns:** the `Case`, as from `load_case`.
 
@@ -99,7 +113,8 @@ def case_from_files(
     if name is not None:
         table["name"] = name
     fallback = stem(Path(given[0][0])) if given else ""
-    return _build(table, fallback, Path(), Spot(None))
+    with reading(limit):
+        return _build(table, fallback, Path(), Spot(None))
 
 
 def case_from_table(table: dict[str, Any], name: str) -> Case:
@@ -118,7 +133,14 @@ def _several(files: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
 def _toml(path: Path, source: str) -> dict[str, Any]:
     """The case file's content; whatever is wrong with its syntax is one line."""
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        if path.stat().st_size > CASE_FILE:
+            problem = f"has {path.stat().st_size} bytes, more than a case file takes ({CASE_FILE})"
+            raise InputError(problem, file=source, cure="Give a case file (TOML), which names the recordings")
+        content = path.read_bytes().decode("utf-8-sig")
+        _require_shallow(content, source)
+        return tomllib.loads(content)
+    except InputError:
+        raise
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", str(error))
         place = f"line {found[1]}" if found and found[1] else "end of the file" if found else ""
@@ -133,28 +155,50 @@ def _toml(path: Path, source: str) -> dict[str, Any]:
         raise InputError(
             "this is not a TOML text file", file=source, cure="Give a case file (TOML)"
         ) from None
+    except ValueError:  # of Python's `int`, for thousands of digits
+        problem = "a whole number has more digits than any quantity"
+        raise InputError(problem, file=source, cure="Write it with an exponent, such as 1e6") from None
     except OSError as error:
         raise InputError(
             f"cannot be opened ({shown(error.strerror)})", file=source, cure="Check its rights"
         ) from None
 
 
-def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot) -> Case:
-    """The case from its keys; `folder` is where relative paths begin."""
-    name = text(table, "name", spot) if "name" in table else fallback
+def _require_shallow(content: str, source: str) -> None:
+    """Refuse a key of many parts or levels, whose parser takes the square of their number."""
+    for number, line in enumerate(content.split("\n"), start=1):
+        key = re.match(r"[^=#]*", line)
+        if key and key[0].count(".") > NESTING:
+            raise InputError(
+                f"a key of more than {NESTING} parts",
+                file=source,
+                place=f"line {number}",
+                cure="A case file has keys such as name, [plant] and [[recording]]",
+            )
+
+
+def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, confined: bool = False) -> Case:
+    """The case from its keys; `folder` is where relative paths begin, and which `confined` ones do not leave."""
+    name = text(table, "name", spot) if "name" in table else shown(fallback, LONGEST_TEXT)
     plant_table = table.get("plant", {})
     if not isinstance(plant_table, dict):
         spot.fail("the plant is not a table", "plant", "Write [plant] on a line, and its keys below it")
     plant = parse_plant(plant_table, Spot(spot.source, "[plant]" if spot.source else ""))
     entries = _entries(table, spot)
+    if confined:
+        for entry in entries:
+            _require_inside(entry, folder)
     paths = [_path(entry, folder) for entry in entries]
     _require_apart(entries, paths)
     recordings: list[Recording] = []
+    taken: set[str] = set()
     opened: dict[Path, AbstractTable] = {}
     for entry, path in zip(entries, paths, strict=True):
         if path not in opened:  # neighbours often share a file; older ones are let go
             opened = {path: open_table(path)}
-        unique = _unique(stem(path), {r.name for r in recordings})
+        # A name that is not UTF-8, or of unprintable characters, is written with escapes.
+        unique = _unique(shown(stem(path), LONGEST_TEXT), taken)
+        taken.add(unique.casefold())
         recordings.append(make_recording(entry, opened[path], unique, plant))
     _require_originals(recordings, entries)
     model = parse_model(table.get("model"), spot.source)
@@ -202,15 +246,33 @@ def _path(entry: Entry, folder: Path) -> Path:
     return require_file(path, said_in=entry.spot.source, place=entry.spot.at("file"))
 
 
+def _require_inside(entry: Entry, folder: Path) -> None:
+    """Refuse a file outside of the folder of the case file, whether there is one or not."""
+    try:
+        inside = (folder / entry.file).resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # no name that a file can have, or links in a circle
+        inside = True
+    if not inside:
+        entry.spot.fail(
+            f'"{shown(entry.file, 120)}" is outside of the folder of the case file',
+            "file",
+            "Move the recording there, or allow it: --allow-outside (allow_outside=True in Python)",
+        )
+
+
 def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
     """Refuse a holdout recording that shares samples with one to fit."""
     everything = (-math.inf, math.inf)
-    for kept, kept_path in zip(entries, paths, strict=True):
-        for other, other_path in zip(entries, paths, strict=True):
-            if kept.role != "holdout" or other.role != "fit" or not kept_path.samefile(other_path):
-                continue
-            if _answer(kept) != _answer(other):  # other variables of one file, or another joint
-                continue
+    fitted: dict[tuple[int, int, str], list[Entry]] = {}
+    # Links to one file are one file; of other variables of it, or another joint, the answers differ.
+    places = [(path.stat().st_dev, path.stat().st_ino) for path in paths]
+    for entry, place in zip(entries, places, strict=True):
+        if entry.role == "fit":
+            fitted.setdefault((*place, _answer(entry)), []).append(entry)
+    for kept, place in zip(entries, places, strict=True):
+        if kept.role != "holdout":
+            continue
+        for other in fitted.get((*place, _answer(kept)), []):
             (a, b), (c, d) = kept.interval or everything, other.interval or everything
             if max(a, c) < min(b, d):
                 kept.spot.fail(
@@ -228,23 +290,26 @@ def _answer(entry: Entry) -> str:
 
 
 def _require_originals(recordings: list[Recording], entries: list[Entry]) -> None:
-    """Refuse a holdout recording that is a copy of one to fit under another name."""
+    """Refuse a holdout recording that is a copy of one to fit under another name, or nearly one."""
+    fitted = [recording for recording in recordings if recording.role == "fit"]
     for kept, entry in zip(recordings, entries, strict=True):
-        for other in recordings:
-            if kept.role == "holdout" and other.role == "fit" and np.array_equal(kept.x, other.x):
-                entry.spot.fail(
-                    f'the holdout "{shown(kept.name)}" holds the same positions as "{shown(other.name)}", '
-                    "so it cannot validate",
-                    "file",
-                    "Hold out another recording",
-                )
+        if kept.role != "holdout":
+            continue
+        other = copied_from(kept, fitted)
+        if other is not None:
+            entry.spot.fail(
+                f'the holdout "{shown(kept.name)}" holds the same positions as "{shown(other.name)}", '
+                "so it cannot validate",
+                "file",
+                "Hold out another recording",
+            )
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """A name not taken yet, whatever its letter case: results are stored in files of these names."""
-    folded = {other.casefold() for other in taken}
+    """A name not taken yet, whatever its letter case: results are stored in files of these names, `taken` are the
+    earlier ones in lower case."""
     candidate, number = name, 1
-    while candidate.casefold() in folded:
+    while candidate.casefold() in taken:
         number += 1
         candidate = f"{name}_{number}"
     return candidate

@@ -61,18 +61,14 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
             cure=f"Record at least {MIN_SAMPLES} samples, better several seconds",
         )
     if "t" in columns:
+        if 0.0 < step < 1.0 / _FASTEST:  # so short that the arithmetic of the grid would overflow
+            _require_usual_rate(1.0 / step, entry, file)
         grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), rows[first:last])
         rate = _agreed_rate(grid, entry, file)
     else:
         rate = entry.sample_rate or 1.0 / step
         grid = Grid(rate, Sampling(), stamps[first:last], None)
-    if not _SLOWEST <= rate <= _FASTEST:
-        raise InputError(
-            f"the sample rate is {rate:.3g} Hz",
-            file=file,
-            place=entry.spot.at(),
-            cure="Correct sample_rate, or bring the time column to s (scale = {t = 1e-3} for ms)",
-        )
+    _require_usual_rate(rate, entry, file)
     _require_motion(entry, used, file)
     column = entry.columns.get("x", "x")
     used["x"], turns, jump = unwrapped(used["x"], plant.position_unit)
@@ -258,6 +254,17 @@ def _agreed_rate(grid: Grid, entry: Entry, file: str) -> float:
             cure="Remove sample_rate, or correct the unit of time (scale = {t = 1e-3} for ms)",
         )
     return entry.sample_rate
+
+
+def _require_usual_rate(rate: float, entry: Entry, file: str) -> None:
+    """Refuse a sample rate, Hz, that no recording has."""
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise InputError(
+            f"the sample rate is {rate:.3g} Hz",
+            file=file,
+            place=entry.spot.at(),
+            cure="Correct sample_rate, or bring the time column to s (scale = {t = 1e-3} for ms)",
+        )
 
 
 def _require_motion(entry: Entry, used: dict[str, Float[np.ndarray, " n"]], file: str) -> None:

@@ -27,6 +27,9 @@ RECORDING_KEYS = (
 # No physical quantity in any unit is larger, nor smaller than its inverse.
 _LARGEST = 1e60
 _MOST_COLUMNS = 10**6
+LONGEST_TEXT = 200  # characters of a name
+_LONGEST_UNIT = 40
+_LONGEST_PATH = 4096
 
 
 class Spot(eqx.Module):
@@ -100,7 +103,7 @@ def parse_plant(table: dict[str, Any], spot: Spot) -> Plant:
         motor_constant=constant,
         encoder_step=positive(table, "encoder_step", spot, "Leave it out when it is unknown"),
         inertia=positive(table, "inertia", spot, "Leave it out when it is to be identified"),
-        **{key: text(table, key, spot) for key in units if key in table},
+        **{key: text(table, key, spot, longest=_LONGEST_UNIT) for key in units if key in table},
     )
 
 
@@ -124,7 +127,7 @@ def parse_entry(table: dict[str, Any], spot: Spot) -> Entry:
     scale = mapping(table, "scale", spot)
     start_time = number(table, "start_time", spot)
     return Entry(
-        file=text(table, "file", spot),
+        file=text(table, "file", spot, longest=_LONGEST_PATH),
         role=choice(table, "role", ("fit", "holdout"), spot),
         loop=choice(table, "loop", ("open", "closed"), spot),
         drive=choice(table, "drive", ("force", "motion"), spot),
@@ -171,13 +174,16 @@ def positive(table: dict[str, Any], key: str, spot: Spot, cure: str) -> float | 
     return value
 
 
-def text(table: dict[str, Any], key: str, spot: Spot, prefix: str = "") -> str:
-    """The text under a key."""
+def text(table: dict[str, Any], key: str, spot: Spot, prefix: str = "", longest: int = LONGEST_TEXT) -> str:
+    """The text under a key, of no more than `longest` characters."""
     value = table[key]
     if not isinstance(value, str):
         spot.fail(f"text is needed, not {_kind(value)}", prefix + key, f'Write {key} = "..." in quotes')
     if not value.strip():
         spot.fail("the text is empty", prefix + key, "Fill it in or leave the key out")
+    if len(value) > longest:
+        problem = f"a text of {len(value)} characters, where no more than {longest} are of use"
+        spot.fail(problem, prefix + key, "Shorten it")
     return value
 
 

@@ -1,28 +1,39 @@
 """Text for messages: user text on one line, the nearest valid name, the path that was not found."""
 
 import difflib
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 
 from frictionjax.core import InputError
 
+_MOST_BITS = 1000  # beyond, Python refuses to write a whole number, or takes long
+_MOST_NAMES = 2000  # that are compared with a wrong one
+_LONGEST_NAME = 100  # characters of a name that is compared: the time grows with their square
+
 
 def shown(text: object, limit: int = 60) -> str:
     """User text as it may stand in a one-line message: control characters escaped, cut to `limit` characters."""
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    if isinstance(text, int) and text.bit_length() > _MOST_BITS:
+        return f"a whole number of {text.bit_length()} bits"
+    start = str(text)[: limit + 1]
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in start)
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
 def listed(names: Iterable[str], limit: int = 12) -> str:
     """Names as `a, b, c`; beyond `limit` names the rest is counted."""
-    names = [shown(name, 40) for name in names]
+    names = list(names)
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more
+    return ", ".join(shown(name, 40) for name in names[:limit]) + more
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:
     """The member of `names` most like `name`, whatever its letter case, or None when none is like it."""
-    folded = {other.casefold(): other for other in names}
+    if len(name) > _LONGEST_NAME:
+        return None
+    short = (other for other in names if len(other) <= _LONGEST_NAME)
+    folded = {other.casefold(): other for other in itertools.islice(short, _MOST_NAMES)}
     found = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
     return folded[found[0]] if found else None
 

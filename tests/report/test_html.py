@@ -267,3 +267,27 @@ def test_a_picture_is_the_same_whatever_was_drawn_before_it(draw):
         again = draw(long, plant, True, whole, part)
     assert first == again
     assert other != again
+
+
+def test_text_of_the_user_is_drawn_as_text():
+    """Units and names that would be formulas, markup or half characters elsewhere: no picture is lost to them."""
+    plant = Plant(16.0, position_unit="$\\mum$", force_unit="\\frac{N}$", input_unit="<b>" + "V" * 5000)
+    name = "mo\udcffves $x^{$ <script>\n" + "long " * 1000
+    recording = replace(fake_recording("run", n=200), name=name)
+    found = replace(fake_diagnosis(n=10), plant=plant, recordings=(recording,), case=name)
+    page = Page(render(found).encode("utf-8", "backslashreplace").decode())
+    assert "could not be drawn" not in page.visible
+    assert len(page.images) == 4
+    assert "script" not in page.tags
+
+
+def test_a_picture_that_cannot_be_drawn_costs_the_picture(monkeypatch):
+    def broken(*_):
+        raise ValueError("no ink")
+
+    whole = Page(render(fake_diagnosis(n=200)))
+    monkeypatch.setattr("frictionjax.report.canvas.band", broken)
+    page = Page(render(fake_diagnosis(n=200)))
+    assert "this picture could not be drawn (ValueError: no ink)" in page.visible
+    assert page.visible.startswith(SUMMARY)
+    assert whole.images

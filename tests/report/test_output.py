@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import types
+import unicodedata
 
 import equinox as eqx
 import numpy as np
@@ -11,7 +13,9 @@ from helpers_rule import row, table
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.diagnosis.table import table_of
+from frictionjax.recordings import Case, Plant, Recording
 from frictionjax.report import check_writable, save, save_diagnosis
+from frictionjax.report.fit_csv import fit_files
 
 HEADER = "t,u,x,free_base,free_extended,predicted_base,predicted_extended,residual_force,residual_force_std"
 
@@ -187,3 +191,51 @@ def test_a_directory_where_a_file_is_to_go_is_a_sentence(tmp_path):
 def test_checking_changes_nothing(tmp_path):
     check_writable(tmp_path / "deep" / "out")
     assert listing(tmp_path) == {}
+
+
+def test_a_link_to_nothing_is_a_sentence(tmp_path):
+    (tmp_path / "out").symlink_to(tmp_path / "nothing")
+    for inside in ("out", "out/deep"):
+        with pytest.raises(InputError, match=r"out: is a link to a folder that does not exist"):
+            check_writable(tmp_path / inside)
+
+
+def test_a_name_too_long_for_a_folder_is_a_sentence(tmp_path):
+    with pytest.raises(InputError, match="too long for a name there, by 45 bytes"):
+        check_writable(tmp_path / ("o" * 300) / "out")
+
+
+def test_a_disk_without_room_for_the_result_is_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(save.shutil, "disk_usage", lambda path: types.SimpleNamespace(free=100_000))
+    run = Recording("run", 1000.0, np.zeros(1000), np.zeros(1000))
+    with pytest.raises(InputError, match=r"no room for the result, which takes 0\.16 MB"):
+        check_writable(tmp_path, Case("bench", Plant(), (run,)))
+    check_writable(tmp_path, Case("bench", Plant(), ()))
+
+
+NAMES = (
+    "a/b",
+    "a\\b",
+    "a_b",
+    "A_B",
+    "café",
+    "cafe\u0301",
+    "l" * 251,
+    "l" * 300,
+    "ö" * 200,
+    "mo\udcffves",
+    "..",
+)
+
+
+def test_names_that_no_two_files_can_have_get_files_of_their_own(tmp_path):
+    files = fit_files(NAMES)
+    assert len({unicodedata.normalize("NFC", file).casefold() for file in files.values()}) == len(NAMES)
+    assert files["l" * 251] == "l" * 251 + ".csv"
+    recordings = tuple(fake_recording(name, n=20, seed=k) for k, name in enumerate(NAMES))
+    found = eqx.tree_at(lambda d: d.recordings, fake_diagnosis(n=20), recordings)
+    found.save(tmp_path)
+    verdict = strict((tmp_path / "verdict.json").read_text(encoding="utf-8"))
+    for name, recording in zip(NAMES, recordings, strict=True):
+        table = np.genfromtxt(tmp_path / verdict["fit"][name]["file"], delimiter=",", names=True)
+        np.testing.assert_allclose(table["x"], recording.x, rtol=1e-8)

@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Bool
 
 from frictionjax.core import InputError
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.intake.checks import check_usable
 from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
-from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch
+from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.start.driven import Start
@@ -75,8 +76,8 @@ def _said(own: OwnModel) -> tuple[str, ...]:
     return (*said, f"Fixed by the case: {', '.join(fixed)}.") if fixed else said
 
 
-def check(case: Case) -> None:
-    """Raise the `InputError` for a `case` that cannot be diagnosed."""
+def check(case: Case, *, effort: Effort = Effort()) -> None:
+    """Raise the `InputError` for a `case` that cannot be diagnosed, or not with this `effort`."""
     imposed = [recording.name for recording in case.recordings if recording.drive == "motion"]
     if imposed and len(imposed) < len(case.recordings):
         raise InputError(
@@ -100,5 +101,27 @@ def check(case: Case) -> None:
             cure='give one recording role = "holdout": it decides whether a name is accepted; for a single recording, '
             "`hold_out_last_third(case)` holds out its last third",
         )
+    names = [recording.name for recording in case.recordings]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"two recordings have the name {max(names, key=names.count)}",
+            file=case.name,
+            cure="give each a name of its own: results are listed by it",
+        )
     if not imposed:
+        _check_cost(case, effort)
         check_usable(case)
+
+
+def _check_cost(case: Case, effort: Effort) -> None:
+    """Refuse a case whose recordings take too many integration steps: at a low sample rate each sample takes many."""
+    slowest = min(recording.sample_rate for recording in case.recordings)
+    steps = steps_a_sample(case.recordings) * sum(recording.x.size for recording in case.recordings)
+    if steps > effort.longest_run:
+        raise InputError(
+            f"one run of all recordings, the slowest at {slowest:.4g} Hz, takes {steps:.2g} integration steps, "
+            f"more than the limit of {effort.longest_run:.2g}",
+            file=case.name,
+            cure="if the time column is in ms, set scale = {t = 1e-3}; else leave recordings out, or allow it: "
+            "diagnose(case, effort=Effort(longest_run=...))",
+        )

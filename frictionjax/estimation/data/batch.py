@@ -313,6 +313,11 @@ def side_by_side(channels: Sequence[Float[np.ndarray, "..."]], block: int) -> Fl
     return np.stack([np.pad(channel, (0, padded - channel.size), mode="edge") for channel in channels])
 
 
+def steps_a_sample(recordings: Sequence[Recording]) -> int:
+    """Integration steps a sample that the slowest of the `recordings` needs."""
+    return max(math.ceil(_LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1)
+
+
 def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None = None) -> Batch:
     """Put force-driven `recordings` side by side in a `Batch`, with so many integration steps a sample that none is
     much longer than 1 ms: bristles that ring between two samples of a slow recorder are part of the machine, too.
@@ -357,5 +362,5 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
         before=what_was_before(recordings),
-        substeps=max(math.ceil(_LEAST_RATE / min(r.sample_rate for r in recordings) - 0.1), 1),
+        substeps=steps_a_sample(recordings),
     )

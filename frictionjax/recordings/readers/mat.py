@@ -1,5 +1,6 @@
 """MATLAB files up to v7: vectors, matrices and structs of numbers."""
 
+import io
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,9 @@ from jaxtyping import Float
 from scipy.io import loadmat
 
 from frictionjax.core import InputError
+from frictionjax.recordings.limits import content, too_large
 from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.mat_check import Damaged, TooLarge, variables
 from frictionjax.recordings.words import shown
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -66,14 +69,21 @@ def open_mat(path: Path) -> MatTable:
                     file=file,
                     cure="In MATLAB, load it and save it again with save('name.mat', '-v7')",
                 )
-            stream.seek(0)
-            with warnings.catch_warnings():
-                warnings.simplefilter(
-                    "ignore"
-                )  # duplicate or opaque variables, which may well be unused ones
-                content = loadmat(stream)
+        data = content(path)
+        sound = variables(data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # duplicate variables, which may well be unused ones
+            found = loadmat(io.BytesIO(data), variable_names=sound) if sound else {}
     except InputError:
         raise
+    except TooLarge:
+        raise too_large(file, "its unpacked content") from None
+    except Damaged as error:
+        raise InputError(
+            f"is not a MATLAB file that can be read: it is damaged ({error})",
+            file=file,
+            cure="In MATLAB, save it again with save('name.mat', '-v7')",
+        ) from None
     except OSError as error:
         raise InputError(
             f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
@@ -86,7 +96,7 @@ def open_mat(path: Path) -> MatTable:
         ) from None
     columns: dict[str, np.ndarray] = {}
     refused: dict[str, str] = {}
-    for name, value in content.items():
+    for name, value in found.items():
         if not name.startswith("__"):
             _collect(name, value, columns, refused)
     if not columns:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from frictionjax.core import InputError
+from frictionjax.recordings.limits import require_small, too_large
 from frictionjax.recordings.readers.base import AbstractTable, Reader
 from frictionjax.recordings.readers.mat import open_mat
 from frictionjax.recordings.readers.text import open_text
@@ -32,7 +33,11 @@ def open_table(path: Path) -> AbstractTable:
     name = path.name.lower()
     for suffix, reader in READERS.items():
         if name.endswith(suffix):
-            return reader(path)
+            require_small(path)
+            try:
+                return reader(path)
+            except MemoryError:
+                raise too_large(shown(path, 200), "its content does not fit into memory, and") from None
     raise InputError(
         f'no reader for the suffix "{shown(path.suffix)}"' if path.suffix else "the file has no suffix",
         file=shown(path, 200),

@@ -1,11 +1,9 @@
 """Text files of columns: `.csv` and `.txt`, any separator, plain or gzipped."""
 
 import codecs
-import gzip
 import io
 import re
 import warnings
-import zlib
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import FrictionjaxWarning, InputError
+from frictionjax.recordings.limits import content, require_short_lines
 from frictionjax.recordings.readers.base import AbstractTable
 from frictionjax.recordings.readers.layout import (
     NUMBER,
@@ -150,16 +149,13 @@ def open_text(path: Path) -> TextTable:
     """
     file = shown(path, 200)
     try:
-        data = path.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-    except (gzip.BadGzipFile, EOFError, zlib.error):
-        raise InputError("the gzip file is damaged or cut short", file=file, cure="Pack it again") from None
+        data = content(path)
     except OSError as error:
         raise InputError(
             f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
         ) from None
     text = _decode(data, file).replace("\r\n", "\n").replace("\r", "\n")
+    require_short_lines(text, file)
     pointed = with_decimal_points(text)
     if pointed is not None:
         warnings.warn(
