@@ -274,11 +274,11 @@ def _add_report(diagnosis: Diagnosis, claim: Claim) -> None:
 def _nearest_existing(directory: Path) -> Path:
     """The first of a directory and its parents that is there; raises `InputError` for a link to nothing among them."""
     for path in (directory, *directory.parents):
-        with suppress(OSError):  # a name too long for a file system, of which there is none
+        with suppress(OSError):  # a name too long for a file system: there is none
             if path.exists():
                 return path
-        if path.is_symlink():
-            raise InputError("is a link to a folder that does not exist", file=path, cure=CURE)
+            if path.is_symlink():
+                raise InputError("is a link to a folder that does not exist", file=path, cure=CURE)
     raise InputError("does not exist", file=directory.anchor, cure=CURE)
 
 
