@@ -207,7 +207,10 @@ def _surroundings(module: str) -> str:
 def _read(path: Path) -> _Program | None:
     """The program in the file `path`; None where there is none, or a damaged one, which is replaced later."""
     try:
-        content = path.read_bytes()
+        with path.open("rb") as stream:
+            if hasattr(os, "getuid") and os.fstat(stream.fileno()).st_uid != os.getuid():
+                return None  # another user's, which came while the folder was open to others: it is not run
+            content = stream.read()
     except FileNotFoundError:
         return None
     digest, packed = content[:32], content[32:]

@@ -15,6 +15,7 @@ import jax
 from platformdirs import user_cache_path
 
 from frictionjax.core.errors import FrictionjaxWarning
+from frictionjax.core.tidy import tidy
 
 LOOPS = {
     # Compiles a loop over small arrays as a whole. By default each of its operations is a call of its own, which costs
@@ -108,6 +109,9 @@ def processor() -> str:
     return platform.processor()
 
 
+_OTHERS_WRITE = 0o022  # permission bits of the group and of everybody
+
+
 def _platform_folder() -> str:
     """The name of a folder for what this jaxlib compiles for this processor.
 
@@ -119,9 +123,19 @@ def _platform_folder() -> str:
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether what lies in `folder` can have come from this user alone, and more can be added."""
-    owned = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
-    return owned and os.access(folder, os.W_OK)
+    """Whether the folder belongs to this user, and more can be added; it is closed to what others would add."""
+    if not os.access(folder, os.W_OK):
+        return False
+    if not hasattr(os, "getuid"):
+        return True
+    if folder.stat().st_uid != os.getuid():
+        return False
+    if folder.stat().st_mode & _OTHERS_WRITE:
+        try:
+            folder.chmod(0o700)
+        except OSError:  # a file system without permissions
+            return False
+    return True
 
 
 def keep_compiled(folder: Path | None = None) -> None:
@@ -130,7 +144,8 @@ def keep_compiled(folder: Path | None = None) -> None:
 
     Each model of processor and each version of jaxlib has a folder of its own in there. A cache that is set already
     stays (`JAX_COMPILATION_CACHE_DIR` or JAX's own setting), and where the folder cannot be written or belongs to
-    another user, whose programs are not run, nothing is kept. Like `configure_jax` it affects the whole process; the
+    another user, whose programs are not run, nothing is kept. What was cut short when a process was killed is removed,
+    and beyond 2 GB the programs that were not used for longest. Like `configure_jax` it affects the whole process; the
     program `frictionjax` calls it.
     """
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
@@ -138,10 +153,11 @@ def keep_compiled(folder: Path | None = None) -> None:
     folder = user_cache_path("frictionjax") / "compiled" if folder is None else folder
     folder = folder / _platform_folder()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         return
     if _is_own(folder):
+        tidy(folder.parent)
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 

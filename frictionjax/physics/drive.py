@@ -181,6 +181,11 @@ class Drive(eqx.Module):
         """Whether an effect changes the slip of LuGre's bristle."""
         return self._has(AbstractSlipEffect)
 
+    @property
+    def has_steep_slip(self) -> bool:
+        """Whether such an effect may make the slip rise more steeply than LuGre's."""
+        return any(isinstance(effect, AbstractSlipEffect) and effect.steep for effect in self.effects)
+
     def slip(self, bend: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
         """Slip velocity of LuGre's bristle over |v|: `bend`, its force over the level, as modified by effects when it
         slips with `v`."""

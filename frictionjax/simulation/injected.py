@@ -65,6 +65,7 @@ class Injection(
     slip_creep: Float[Array, ""]
 
     states: ClassVar[int] = 0
+    steep: ClassVar[bool] = False
     name: ClassVar[str] = "injection"
     about: ClassVar[About] = About("signals of an effect along a known motion", "", "")
     strengths: ClassVar[tuple[Parameter, ...]] = ()

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.safe import sign
 from frictionjax.physics import Bristles, Drive, Push, mean_of
 from frictionjax.simulation.load_side import contact, relaxed
 
@@ -24,6 +25,8 @@ _GAMMA = 1.0 - 0.5**0.5
 _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 # A bristle never deflects beyond G/sigma0; an accurate step stays below this multiple of it.
 _BENT = 2.5
+# A bend this near to that of steady sliding has the slope of the law there.
+_NEAR = 1e-3
 
 
 Substeps = int | Int[Numbers, ""]
@@ -125,6 +128,14 @@ def ros2_step(
 
         _, beyond_v = jax.jvp(beyond, (ahead,), (jnp.ones_like(v),))
         beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
+    if drive.has_steep_slip:
+        # A step may begin where the bristle hardly slips and reach where it slips: A then takes the mean slope of the
+        # law up to steady sliding.
+        steady = sign(fast)
+        way = steady - bend
+        near = jnp.abs(way) < _NEAR
+        rise = (drive.slip(steady, fast) - lost) / jnp.where(near, 1.0, way)
+        lost_b = jnp.maximum(lost_b, jnp.where(near, lost_b, rise))
     slip = jnp.abs(fast) * softness
     rate_z = -slip * slope * lost_b
     # Columns of A: v moves everything, LuGre's z moves its own rate only.
@@ -177,6 +188,11 @@ def ros2_step(
     )
     k1_x = v + gh * k1_v
     x1, v1, z1 = x + h * k1_x, v + h * k1_v, z + h * k1_z
+    if drive.has_steep_slip:
+        # No stage leaves the deflections up to the present one or that of break-away: beyond, the law was not made.
+        reach = jnp.maximum(jnp.abs(z), jnp.maximum(level, friction.Fs) / friction.sigma0)
+        z1 = jnp.where(jnp.abs(z1) < reach, z1, jnp.where(z1 > 0.0, reach, -reach))
+        k1_z = (z1 - z) / h
     spring_1 = drive.spring_force(z1)
     ahead_hidden = relaxed(hidden, flow[0], flow[1], h) if own else hidden
     now_1 = drive.instant(x1, v1, mean, spring_1, ahead_hidden)
@@ -208,6 +224,8 @@ def ros2_step(
     # The excess is removed, and with it the impulse of its damping on the mass: J v + sigma1 z is conserved.
     highest = jnp.maximum(jnp.maximum(level, level_1), friction.Fs)
     bound = jax.lax.stop_gradient(_BENT * highest / friction.sigma0)
+    if drive.has_steep_slip:
+        bound = jax.lax.stop_gradient(jnp.maximum(jnp.abs(z), highest / friction.sigma0))
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
     v2 = v2 + sigma1 * (excess if alone else first * excess) * mobility
     z2 = (z2 - excess)[None]

@@ -4,6 +4,8 @@ import os
 import platform
 import subprocess
 import sys
+import time
+import zlib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import jax
 import pytest
 
 from frictionjax.core import keep_compiled, setup
+from frictionjax.core.tidy import tidy
 
 
 @pytest.fixture
@@ -133,6 +136,52 @@ def test_the_folder_of_another_user_is_done_without(told, tmp_path, monkeypatch)
     monkeypatch.setattr(os, "getuid", lambda: another)
     keep_compiled(tmp_path)
     assert told == {}
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no permissions here")
+def test_the_folder_is_closed_to_what_others_would_add(told, tmp_path):
+    keep_compiled(tmp_path)
+    folder = _kept_in(told)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)
+    keep_compiled(tmp_path)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def _entry(path, content, age=0):
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    now = time.time_ns() - age * 10**9
+    os.utime(path, ns=(now, now))
+    return path
+
+
+def test_an_entry_that_was_cut_short_is_removed_at_the_next_start(tmp_path):
+    """JAX never replaces one, and would compile again and say so at each start."""
+    whole = zlib.compress(os.urandom(1000))
+    kept = _entry(tmp_path / "one" / "jit_f-1-cache", whole)
+    short = [
+        _entry(tmp_path / "one" / f"jit_f-{k}-cache", part)
+        for k, part in enumerate((b"", whole[:-1], b"?" * 9), start=2)
+    ]
+    program = _entry(tmp_path / "two" / "program", b"has a digest of its own")
+    tidy(tmp_path)
+    assert kept.exists()
+    assert program.exists()
+    assert not any(path.exists() for path in short)
+    again = _entry(tmp_path / "one" / "jit_g-5-cache", whole[:-1])
+    tidy(tmp_path)
+    assert not again.exists()
+
+
+def test_what_was_not_used_for_longest_goes_beyond_a_size(tmp_path):
+    whole = zlib.compress(os.urandom(1000))
+    ages = {age: _entry(tmp_path / "one" / f"jit_f-{age}-cache", whole, age) for age in (50, 10, 40, 30, 20)}
+    tidy(tmp_path, largest=6000)
+    assert all(path.exists() for path in ages.values())
+    _entry(tmp_path / "one" / "jit_f-0-cache", whole)
+    tidy(tmp_path, largest=3 * len(whole))
+    assert {age for age, path in ages.items() if path.exists()} <= {10}
 
 
 def test_what_was_chosen_before_stays(chosen, tmp_path):

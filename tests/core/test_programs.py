@@ -81,6 +81,15 @@ def test_a_damaged_program_is_made_again_and_replaced(folder):
     assert counted.traces == 4
 
 
+def test_the_program_of_another_user_is_not_run(folder, monkeypatch):
+    counted = Counted()
+    counted.run(GAINS, X)
+    forget_programs()
+    monkeypatch.setattr(programs.os, "getuid", lambda: -1)
+    _checked(counted.run(GAINS, X))
+    assert counted.traces == 2
+
+
 def test_a_result_is_not_lost_where_its_program_cannot_be_kept(folder, monkeypatch):
     write = type(folder).write_bytes
 

@@ -138,6 +138,9 @@ class AbstractSpringEffect(AbstractEffect):
 class AbstractSlipEffect(AbstractEffect):
     """Slot: how LuGre's bristle slips, dz/dt = v - |v| slip."""
 
+    steep: ClassVar[bool] = True
+    """Whether the slip may rise more steeply with the bend than LuGre's: long steps then need more care."""
+
     @abstractmethod
     def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
         """Replacement of `bend`, the bristle's force over the level G (1 in steady sliding, where it must stay 1), for

@@ -1,0 +1,58 @@
+"""Damaged files of every reader: a few hundred here, a million with `python -m benchmarks.hostile`."""
+
+import pytest
+
+from benchmarks.hostile.__main__ import main
+from benchmarks.hostile.run import KINDS, outcome, read, run, seeds_of, written
+from benchmarks.hostile.seeds import damaged, seeds
+from frictionjax.recordings.readers import READERS
+
+
+@pytest.mark.filterwarnings("ignore::frictionjax.FrictionjaxWarning")
+@pytest.mark.parametrize("reader", seeds())
+def test_what_is_damaged_was_sound(reader, tmp_path):
+    written(reader, 0, tmp_path)  # with what a case needs beside it
+    for name, data in seeds_of(reader):
+        (tmp_path / name).write_bytes(data)
+        assert read(tmp_path / name) == "accepted", name
+
+
+def test_every_suffix_has_its_damaged_files():
+    names = [name for files in seeds().values() for name, _ in files]
+    assert all(any(name.endswith(suffix) for name in names) for suffix in READERS if suffix != ".txt.gz")
+
+
+def test_a_few_hundred_damaged_files(tmp_path):
+    table = run(360, 20_000, tmp_path)
+    assert sum(counts.total() for counts in table.values()) == 360
+    for reader, counts in table.items():
+        assert counts["clean errors"], reader
+        assert not [kind for kind in KINDS[2:] if counts[kind]], (reader, counts)
+    assert sum(counts["accepted"] for counts in table.values()) > 10
+
+
+def test_an_input_is_known_by_its_number():
+    ((_, data),) = seeds_of("gzip")
+    assert damaged(data, 7) == damaged(data, 7)
+    assert len({damaged(data, seed) for seed in range(50)}) > 40
+
+
+@pytest.mark.parametrize("kind", KINDS[2:])
+def test_what_goes_wrong_is_counted_and_kept(tmp_path, monkeypatch, capsys, kind):
+    """One input of each reader is answered as no input should be."""
+
+    def badly(reader, number, scratch):
+        if number != 2:
+            return outcome(reader, number, scratch)
+        if kind == "deaths":
+            run.__globals__["os"].abort()
+        while kind == "hangs":
+            pass
+        return "faults"
+
+    monkeypatch.setattr("benchmarks.hostile.run.outcome", badly)
+    monkeypatch.setattr("benchmarks.hostile.run.seeds", lambda: {"gzip": seeds_of("gzip")})
+    options = ["--inputs", "4", "--seconds", "0.5", "--keep", str(tmp_path / "kept")]
+    assert main(options) == 1
+    assert "1 of 4 inputs were neither read" in capsys.readouterr().out
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == [f"{kind} gzip 2"]
