@@ -1,5 +1,7 @@
 """How much of a verb's time JAX spent on compilation, reported apart from the run time."""
 
+import time
+
 import jax
 
 _EVENT = "/jax/core/compile/backend_compile_duration"
@@ -26,3 +28,22 @@ class CompileClock:
     def seconds(self) -> float:
         """Compilation time since this clock was made, s (of all threads together)."""
         return CompileClock._total - self._before
+
+
+class Stages:
+    """Wall-clock time of the stages of a computation, s."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def stage(self, name: str) -> None:
+        """The stage `name` ends now."""
+        now = time.perf_counter()
+        self.seconds[name] = round(now - self._last, 2)
+        self._last = now
+
+    def report(self, compiling: CompileClock) -> dict[str, float]:
+        """The seconds of each stage, what `compiling` took of them, and the total."""
+        total = time.perf_counter() - self._start
+        return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}

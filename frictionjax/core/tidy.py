@@ -1,12 +1,15 @@
 """The folder of compiled programs: what was cut short is removed, and what was not used for longest beyond a size."""
 
 import contextlib
-import importlib
-import importlib.util
 import os
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+
+try:
+    import zstandard  # pyright: ignore[reportMissingImports]
+except ImportError:
+    zstandard = None
 
 LARGEST = 2_000_000_000  # bytes of all kept programs: some twenty versions or processors
 _PART_KEPT = 0.8  # of `LARGEST` that is left when it was exceeded, so that it is not exceeded again at once
@@ -65,9 +68,8 @@ def _is_whole(file: Path) -> bool:
     """Whether an entry of JAX can be unpacked to its end."""
     data = file.read_bytes()
     if data.startswith(_ZSTANDARD):
-        if importlib.util.find_spec("zstandard") is None:
-            return True  # nobody reads it here
-        zstandard = importlib.import_module("zstandard")
+        if zstandard is None:
+            return True  # JAX does not read it either
         try:
             zstandard.ZstdDecompressor().decompress(data)
         except zstandard.ZstdError:

@@ -2,7 +2,6 @@
 
 import functools
 import os
-import time
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
@@ -11,11 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
-from frictionjax.core.compile_time import CompileClock
+from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
@@ -102,7 +102,7 @@ def diagnose(
 
 
 def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, effort: Effort) -> Diagnosis:
-    clock, compiling = _Stages(), CompileClock()
+    clock, compiling = Stages(), CompileClock()
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
@@ -185,6 +185,13 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
+    if not input_is_needed(final, extended_view, scene, rule=rule):
+        values = of_base.result()[0]
+        warnings = _warnings(case, values, message_of(base), tuple(notes))
+        clock.stage("judging")
+        return not_diagnosed(
+            case, base, scene, base_view, values, warnings, NOT_DRIVEN, clock.report(compiling)
+        )
     if residual is not None and residual.helps:
         last_view = base_view if last is base else view(last.judgement, scene)
         before, after = (held_out_error(predicted, scene) for predicted in (last_view, extended_view))
@@ -256,23 +263,6 @@ def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
 
 def _is_credible(model: Model, rule: Rule) -> bool:
     return credibility(model, rule=rule).is_credible(rule=rule)
-
-
-class _Stages:
-    """Wall-clock time of the stages, s."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._start = self._last = time.perf_counter()
-
-    def stage(self, name: str) -> None:
-        now = time.perf_counter()
-        self.seconds[name] = round(now - self._last, 2)
-        self._last = now
-
-    def report(self, compiling: CompileClock) -> dict[str, float]:
-        total = time.perf_counter() - self._start
-        return {**self.seconds, "compile": round(compiling.seconds, 2), "total": round(total, 2)}
 
 
 def _map(

@@ -183,12 +183,16 @@ class Credible:
       `benchmarks.conditions`.
     - `least_clusters`: clusters below which there is no standard error. Larger: short recordings are not credible by
       their lead; smaller: two clusters decide. By hand.
+    - `driven`: part by which the last model's error on held-out recordings must rise when its input is set to zero.
+      Larger: machines that mostly swing or coast freely are not diagnosed; smaller: an input that has nothing to do
+      with the motion is. By hand.
     """
 
     energy: float = 0.5
     lead: float = 3.0
     loud: float = 2.0
     least_clusters: int = 4
+    driven: float = 0.1
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionjax.diagnosis.base_model.credibility import Credibility, energy_and_lead
+from frictionjax.diagnosis.evidence.input_needed import is_worse
 from frictionjax.diagnosis.evidence.judgement import energy_explained
 from frictionjax.diagnosis.evidence.noise_floor import (
     Answer,
@@ -309,6 +310,10 @@ PROBES: dict[str, list[Probe]] = {
         (_powers((2.5, 2.5), (10.0, 1.0)), 0.857143),
     ],
     "credible.least_clusters": [(_lead_of_clusters(3), False), (_lead_of_clusters(5), True)],
+    "credible.driven": [
+        (lambda rule: is_worse(1.08, 1.0, rule=rule), False),
+        (lambda rule: is_worse(1.12, 1.0, rule=rule), True),
+    ],
     "testable.regime": [
         (_meets("sliding", sliding=0.0015), False),
         (_meets("presliding", presliding=0.0025), True),

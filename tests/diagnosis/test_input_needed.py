@@ -1,0 +1,34 @@
+"""No verdict where the input has nothing to do with the motion: the model predicts as well without it."""
+
+import numpy as np
+import pytest
+
+from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, is_worse
+from frictionjax.recordings import Case, Plant, Recording
+
+RATE = 1000.0
+
+
+def unrelated(name, role, seed):
+    """A sine that rings on by itself, beside a square wave of another period."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(6000) / RATE
+    x = 1e-3 * np.sin(2.0 * np.pi * 1.7 * t + seed) + 1e-7 * rng.standard_normal(t.size)
+    return Recording(name, RATE, np.sign(np.sin(2.0 * np.pi * 0.9 * t + 2.0 * seed)), x, role=role)
+
+
+@pytest.mark.slow
+def test_a_motion_that_its_input_does_not_make_gets_no_name():
+    recordings = (unrelated("a", "fit", 0), unrelated("b", "fit", 1), unrelated("c", "holdout", 2))
+    found = diagnose(Case("rings", Plant(motor_constant=1.0), recordings))
+    assert (found.verdict, found.missing) == ("unknown", ())
+    assert found.summary.startswith((NOT_DRIVEN, "Check that u is what drives x"))
+
+
+def test_an_error_that_stays_needs_no_input():
+    assert not is_worse(1.0, 1.0)
+    assert not is_worse(0.5, 1.0)
+    assert is_worse(2.0, 1.0)
+    assert is_worse(float("inf"), 1.0)
+    assert is_worse(float("nan"), 1.0)
