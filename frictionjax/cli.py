@@ -60,10 +60,11 @@ def _terminable() -> Iterator[None]:
     def end(number: int, frame: Any) -> NoReturn:
         raise _AskedToEnd
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
+    before = signal.getsignal(signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread() or before in (None, signal.SIG_IGN):
+        yield  # such a handler could not be set again, or was set on purpose
         return
-    before = signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGTERM, end)
     try:
         yield
     finally:

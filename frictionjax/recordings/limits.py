@@ -91,7 +91,7 @@ def content(path: Path) -> bytes:
         raise InputError("the gzip file is damaged or cut short", file=file, cure="Pack it again") from None
 
 
-def _bounded(stream: IO[bytes], file: str) -> bytes:
+def _bounded(stream: IO[bytes] | gzip.GzipFile, file: str) -> bytes:
     data = stream.read(most_bytes() + 1)
     if len(data) > most_bytes():
         raise too_large(file, "its content")

@@ -85,7 +85,11 @@ def uninterrupted() -> Iterator[None]:
     def later(number: int, frame: Any) -> None:
         came.append(number)
 
-    before = {number: signal.signal(number, later) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    # None is a handler that a C library set, which Python could not set again.
+    before = {number: found for number in numbers if (found := signal.getsignal(number)) is not None}
+    for number in before:
+        signal.signal(number, later)
     try:
         yield
     finally:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis import Effort, diagnose
 from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, is_worse
 from frictionjax.recordings import Case, Plant, Recording
 
@@ -21,7 +21,7 @@ def unrelated(name, role, seed):
 @pytest.mark.slow
 def test_a_motion_that_its_input_does_not_make_gets_no_name():
     recordings = (unrelated("a", "fit", 0), unrelated("b", "fit", 1), unrelated("c", "holdout", 2))
-    found = diagnose(Case("rings", Plant(motor_constant=1.0), recordings))
+    found = diagnose(Case("rings", Plant(motor_constant=1.0), recordings), effort=Effort(rounds=1))
     assert (found.verdict, found.missing) == ("unknown", ())
     assert found.summary.startswith((NOT_DRIVEN, "Check that u is what drives x"))
 
