@@ -59,6 +59,7 @@ from frictionjax.recordings import audit as audit
 from frictionjax.recordings import case_from_files as case_from_files
 from frictionjax.recordings import hold_out_last_third as hold_out_last_third
 from frictionjax.recordings import load_case as load_case
+from frictionjax.recordings import recording_from_frame as recording_from_frame
 from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
@@ -133,6 +134,7 @@ __all__ = [
     "profile_likelihood",
     "rank_experiments",
     "rank_for_discrimination",
+    "recording_from_frame",
     "resonances",
     "run_study",
     "save_diagnosis",

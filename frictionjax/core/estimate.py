@@ -1,5 +1,7 @@
 """A number with its standard error and its unit."""
 
+import math
+
 import equinox as eqx
 
 
@@ -18,3 +20,12 @@ class Estimate(eqx.Module):
     stderr: float = eqx.field(static=True)
     unit: str = eqx.field(static=True)
     identified: bool = eqx.field(static=True, default=True)
+
+    def __str__(self) -> str:
+        known = f"± {self.stderr:.2g}" if math.isfinite(self.stderr) else "(not determined)"
+        return " ".join(filter(None, (f"{self.value:.7g}", known, "" if self.unit == "1" else self.unit)))
+
+    def __repr__(self) -> str:
+        # To the last digit: this text may stand for the number, in the key of a compiled program.
+        known = "" if self.identified else ", identified=False"
+        return f"Estimate(value={self.value!r}, stderr={self.stderr!r}, unit={self.unit!r}{known})"

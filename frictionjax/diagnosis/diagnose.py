@@ -9,7 +9,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import Estimate, InputError, Progress, require_x64, silent
+from frictionjax.core import Estimate, InputError, Progress, reporting, require_x64, silent
 from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
@@ -48,6 +48,7 @@ from frictionjax.estimation.start.force_balance import force_balance
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
+from frictionjax.recordings.given import Given, case_of
 
 _UNDETERMINED = (
     "The base model fits every recording when all are fitted together, but not when only the fit recordings are used. "
@@ -65,10 +66,11 @@ _MAP_REJECTED = (
 
 
 def diagnose(
-    case: Case,
+    case: Given,
     *,
+    plant: Plant | None = None,
     executor: Executor | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> Diagnosis:
@@ -76,10 +78,13 @@ def diagnose(
 
     **Arguments:**
 
-    - `case`: plant and recordings; at least one recording must be held out.
+    - `case`: a `Case`; the path of a case file or of a recording; recordings, or tables in memory such as DataFrames.
+        At least one recording must be held out: of a single one that is the last third, with a warning.
+    - `plant`: what is known of the machine, where `case` does not say it.
     - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits in parallel. None: a
       thread for each core of this machine.
-    - `progress`: called with the stage and the fraction done.
+    - `progress`: called with the stage and the fraction done; True: a bar on a terminal and in a notebook; False:
+        nothing.
     - `rule`: every number that decides what is said.
     - `effort`: budgets of the search.
 
@@ -92,10 +97,12 @@ def diagnose(
     `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
     """
     require_x64()
-    check(case, effort=effort)
+    whole = case_of(case, plant=plant)
+    check(whole, effort=effort)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
-        return _diagnose(case, threads or executor, progress, rule, effort)  # type: ignore[arg-type]
+        with reporting(progress) as report:
+            return _diagnose(whole, threads or executor, report, rule, effort)  # type: ignore[arg-type]
     finally:
         if threads is not None:
             threads.shutdown(cancel_futures=True)

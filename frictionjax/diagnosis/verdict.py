@@ -1,15 +1,16 @@
 """The result of `diagnose`: nouns that mirror verdict.json, schema frictionjax.verdict/1."""
 
-import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import Estimate
+from frictionjax.core import Estimate, InputError, public_verb
+from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_row
+from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.rule import Rule
@@ -183,7 +184,7 @@ class RecordingFit(eqx.Module):
     force: Float[np.ndarray, " n"] | None = None
 
 
-class Diagnosis(eqx.Module):
+class Diagnosis(AbstractDisplayed):
     """What `diagnose` found.
 
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
@@ -238,5 +239,99 @@ class Diagnosis(eqx.Module):
 
     def save(self, directory: str | Path) -> Path:
         """Write verdict.json, fit/*.csv and report.html into `directory`; returns it: `frictionjax.save_diagnosis`."""
-        # Writing belongs to the report, which no noun imports: the method asks the front door when it is called.
-        return importlib.import_module("frictionjax").save_diagnosis(self, directory)
+        return public_verb("save_diagnosis")(self, directory)
+
+    def _display(self) -> Display:
+        base, final = self.base, self.extended if self.verdict != "adequate" else {}
+        names = [*base, *(name for name in final if name not in base)]
+        head = ("parameter", "base model", "standard error", "extended model", "standard error", "unit")
+        rows = []
+        for name in names:
+            before = estimate_row(name, base[name])[1:3] if name in base else ("", "")
+            after = estimate_row(name, final[name])[1:3] if name in final else ("", "")
+            unit = (final.get(name) or base[name]).unit
+            rows.append((name, *before, *after, "" if unit == "1" else unit))
+        errors = tuple(
+            (
+                one.name,
+                "held out" if one.role == "holdout" else "fit",
+                f"{one.prediction_rmse_base:.3g}",
+                f"{one.prediction_rmse_extended:.3g}",
+                f"{one.noise_floor:.3g}",
+                self.plant.force_unit if one.drive == "motion" else self.plant.position_unit,
+            )
+            for one in self.recordings
+        )
+        fits = ("recording", "role", "error 0.1 s ahead, base", "extended", "noise floor", "unit")
+        named = [
+            f"{one.effect}, confidence {one.confidence:.2f}"
+            + (f", not distinguished from {', '.join(one.effect_class[1:])}" if one.effect_class[1:] else "")
+            for one in self.missing
+        ]
+        title = f"Diagnosis of {self.case}: {self.verdict}" + (f" ({'; '.join(named)})" if named else "")
+        some = self.warnings[:_WARNINGS]
+        more = len(self.warnings) - len(some)
+        sentences = (self.summary, *some, *([f"{more} more warnings."] if more else []))
+        return Display(title, sentences, (Grid(fits, errors), Grid(head, tuple(rows))))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the recording that the extended model improves most, the residual force, and where the mismatch is:
+        `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(
+        self, what: Literal["parameters", "candidates", "mismatch", "errors"] = "parameters"
+    ) -> Any:
+        """A pandas DataFrame.
+
+        **Arguments:**
+
+        - `what`: `"parameters"` of the extended model, `"candidates"` (every effect and the evidence for it),
+            `"mismatch"` (the map of the base model's mismatch), or `"errors"` of both models on each recording.
+
+        **Raises:** `ValueError` for another word; `ImportError` where pandas is missing.
+        """
+        if what == "parameters":
+            return to_dataframe(estimate_columns(self.extended), index="parameter")
+        tables = {"candidates": self.candidates, "mismatch": self.mismatch, "errors": self.recordings}
+        if what not in tables:
+            raise ValueError(f"`what` is {what!r}; it must be one of: parameters, {', '.join(tables)}.")
+        columns = {name: [getattr(one, name) for one in tables[what]] for name in _COLUMNS[what]}
+        return to_dataframe(columns, index=_COLUMNS[what][0] if what != "mismatch" else None)
+
+    def to_xarray(self, recording: str) -> Any:
+        """An xarray Dataset over `t` (s) of one recording: measured, both models, and the residual force.
+
+        **Arguments:**
+
+        - `recording`: its name.
+
+        **Raises:** `InputError` for a name that is not among the recordings.
+        """
+        found = next((one for one in self.recordings if one.name == recording), None)
+        if found is None:
+            names = ", ".join(one.name for one in self.recordings)
+            raise InputError(
+                f"there is no recording {recording!r}", place="`recording`", cure=f"Choose from {names}."
+            )
+        answer = self.plant.force_unit if found.drive == "motion" else self.plant.position_unit
+        units = {"u": self.plant.input_unit, "x": self.plant.position_unit, "force": self.plant.force_unit}
+        units |= dict.fromkeys(_MODELS, answer) | dict.fromkeys(_RESIDUALS, self.plant.force_unit)
+        names = [
+            name for name in ("u", "x", "force", *_MODELS, *_RESIDUALS) if getattr(found, name) is not None
+        ]
+        arrays = {name: (("t",), getattr(found, name)) for name in names}
+        return to_xarray(arrays, {"t": found.t}, {"t": "s", **{n: units[n] for n in names}}, name=found.name)
+
+
+_WARNINGS = 4  # that the short text lists
+_MODELS = ("free_base", "free_extended", "predicted_base", "predicted_extended")
+_RESIDUALS = ("residual_force", "residual_force_extended", "residual_force_std")
+_COLUMNS = {
+    "candidates": ("effect", "tested", "p_value", "gain_fit", "gain_holdout", "reason"),
+    "mismatch": ("axis", "bin", "share", "excess", "excess_extended", "count", "p_value"),
+    "errors": (
+        *("name", "role", "noise_floor", "free_run_rmse_base", "free_run_rmse_extended"),
+        *("prediction_rmse_base", "prediction_rmse_extended"),
+    ),
+}

@@ -7,10 +7,18 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
-from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core import InputError, Progress, reporting, require_x64
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import Constraints, resolve
 from frictionjax.estimation.data.batch import Batch, make_batch
+from frictionjax.estimation.data.given import (
+    Data,
+    keeps_inertia,
+    pieces_of,
+    plant_of,
+    require_agreement,
+    units_of,
+)
 from frictionjax.estimation.data.observation import (
     Observation,
     Sorted,
@@ -29,9 +37,7 @@ from frictionjax.estimation.result import FitResult, make_result
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.driven import starting_values
 from frictionjax.estimation.start.imposed import starting_values_imposed
-from frictionjax.frequency import FRF
 from frictionjax.physics import Drive
-from frictionjax.recordings import Recording
 
 _SPREAD = 4.0  # factor by which random starts differ from the given one, at most
 # Robust cost after the first descent: below it the model fits, and no other start is tried.
@@ -42,7 +48,7 @@ _NO_INERTIA = "All motion is imposed, so inertia cannot be identified: J stays a
 
 def fit(
     drive: Drive | Sequence[Drive],
-    data: Sequence[Recording | FRF | Observation],
+    data: Data,
     *,
     free: Sequence[str] | None = None,
     fixed: Sequence[str] = (),
@@ -52,13 +58,13 @@ def fit(
     loss: AbstractLoss | None = None,
     starts: int = 0,
     own_starts: bool = True,
-    known_inertia: bool = False,
+    known_inertia: bool | None = None,
     encoder_step: float | None = None,
     substeps: int = 2,
     scales: Mapping[str, float] | None = None,
     units: Mapping[str, str] | None = None,
     key: Key[Array, ""] | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> FitResult:
     """Fit inertia, LuGre parameters and the effects of `drive` to all `data` jointly, by maximum likelihood.
 
@@ -71,7 +77,10 @@ def fit(
     **Arguments:**
 
     - `drive`: structure and starting values, or several starts of one structure.
-    - `data`: recordings (`drive = "force"` or `"motion"`), frequency responses in stick, or `Observation`s of either.
+    - `data`: a `Case`, whose held-out recordings are left alone; the path of a case file or of a recording; a
+        DataFrame; or a list of recordings (`drive = "force"` or `"motion"`), frequency responses in stick, and
+        `Observation`s of either. What their case knows of the machine holds: its motor constant, inertia, encoder and
+        units.
     - `free`: labels of the parameters to be found; None: all but the motor constant. `fixed`: labels that are not.
     - `ties`: label -> (other label, factor): the parameter is that many times the other.
     - `bounds`: label -> (least, most), in the parameter's unit.
@@ -79,13 +88,14 @@ def fit(
     - `loss`: an `AbstractLoss`; None: `Gaussian`, least squares. `Cauchy` and `Huber` weigh down blocks of 0.05 s.
     - `starts`: so many random starts more, up to a factor 4 away in each positive parameter, side by side.
     - `own_starts`: also start from the `starting_values` of the recordings, if their robust cost is lower.
-    - `known_inertia`: keep J, as `fixed=("J",)`.
-    - `encoder_step`: quantum of the position sensor; None: the smallest step in the data.
+    - `known_inertia`: keep J, as `fixed=("J",)`; None: where the case of `data` knows the inertia and J is not
+        in `free`, `ties` or `priors`.
+    - `encoder_step`: quantum of the position sensor; None: as the case of `data` says, or the smallest step in them.
     - `substeps`: integration steps per sample.
     - `scales`: sizes of the plant by name, for strengths of effects; None: from the start and the recordings.
-    - `units`: names for `force`, `position` and `input`.
+    - `units`: names for `force`, `position` and `input`; None: those of the case of `data`.
     - `key`: for random starts; None: `jax.random.key(0)`.
-    - `progress`: called as the fit goes on.
+    - `progress`: called as the fit goes on; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -94,8 +104,8 @@ def fit(
     **Raises:**
 
     `PrecisionError` unless JAX computes in float64; `InputError` for data or choices that contradict each other (see
-    `sort_data`, `constraints.resolve`); `ValueError` when a positive parameter starts at zero or below, or no start
-    gives finite predictions.
+    `sort_data`, `constraints.resolve`), and for a `drive` that contradicts the case of `data`; `ValueError` when a
+    positive parameter starts at zero or below, or no start gives finite predictions.
     """
     require_x64()
     given = (drive,) if isinstance(drive, Drive) else tuple(drive)
@@ -103,14 +113,22 @@ def fit(
         raise InputError("no start is given", place="`drive`", cure="Give a `Drive`.")
     for one in given:
         _require_positive(one)
-    pieces = sort_data(data)
+    given_data = pieces_of(data)
+    plant = plant_of(given_data)
+    pieces = sort_data(given_data)
     imposed = bool(pieces.forces) and not pieces.positions and not pieces.responses
+    known_inertia = keeps_inertia(plant, known_inertia, {*(free or ()), *(priors or {}), *(ties or {})})
+    for one in given:
+        constant = not imposed and "motor_constant" not in (free or ())
+        require_agreement(one, plant, motor_constant=constant, inertia=known_inertia)
     notes = pieces.notes
     if "J" not in fixed and (
         known_inertia or (imposed and _inertia_is_unidentifiable(ties or {}, priors or {}))
     ):
         fixed = (*fixed, "J")
         notes += () if known_inertia else (_NO_INERTIA,)
+    if encoder_step is None and plant is not None:
+        encoder_step = plant.encoder_step
     batch = _batch_of(pieces.positions, encoder_step)
     template, dt = given[0], _shortest(pieces)
     sizes = scales if scales is not None else _sizes(template, batch, pieces)
@@ -127,15 +145,16 @@ def fit(
     )
     posterior = _posterior(template, constraints, batch, pieces, loss or Gaussian())
     vectors = [_vector(posterior, one) for one in given]
-    if own_starts and (pieces.positions or pieces.forces):
-        progress("starting values", 0.0)
-        own, undetermined = _own(template, pieces, constraints)
-        vectors += [_vector(posterior, one) for one in own]
-        notes += undetermined
-    known = np.array([one.noise is not None for one in pieces.positions], dtype=bool)
-    refined = _best(posterior, vectors, len(given), starts, key, substeps, known, progress)
-    progress("standard errors", 0.95)
-    return make_result(refined, _names_of(pieces), units or {}, notes)
+    with reporting(progress) as report:
+        if own_starts and (pieces.positions or pieces.forces):
+            report("starting values", 0.0)
+            own, undetermined = _own(template, pieces, constraints)
+            vectors += [_vector(posterior, one) for one in own]
+            notes += undetermined
+        known = np.array([one.noise is not None for one in pieces.positions], dtype=bool)
+        refined = _best(posterior, vectors, len(given), starts, key, substeps, known, report)
+        report("standard errors", 0.95)
+        return make_result(refined, _names_of(pieces), {**units_of(plant), **(units or {})}, notes)
 
 
 def _names_of(pieces: Sorted) -> tuple[tuple[str, ...], ...]:

@@ -13,10 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core import InputError, Progress, reporting, require_x64
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.constraints import resolve
 from frictionjax.estimation.data.batch import Batch, make_batch
+from frictionjax.estimation.data.given import keeps_inertia, plant_of, require_agreement
 from frictionjax.estimation.descent.replicated import Found, Sets, fitted
 from frictionjax.estimation.evidence import Observed, observed
 from frictionjax.estimation.objective.loss import Gaussian
@@ -79,7 +80,7 @@ def fit_many(
     substeps: int = 2,
     settle: bool = True,
     own_starts: bool = True,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> Replicas:
     """Fit `drive` to each of `sets`: the estimator of `fit`, many at once, on every core.
 
@@ -95,7 +96,7 @@ def fit_many(
     - `own_starts`: the `starting_values` of the first set are a second start for all, taken where their robust cost is
         lower; and sets whose result is unlike that of the others are fitted again from each start, and from the median
         of the others. The likelihood decides.
-    - `progress`: called as fits are done.
+    - `progress`: called as fits are done; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -103,7 +104,8 @@ def fit_many(
 
     **Raises:**
 
-    `PrecisionError` unless JAX computes in float64; `InputError` when there is no set, or they differ in shape.
+    `PrecisionError` unless JAX computes in float64; `InputError` when there is no set, they differ in shape, or `drive`
+    contradicts the case of the recordings.
     """
     require_x64()
     count = len(sets)
@@ -114,6 +116,15 @@ def fit_many(
         raise InputError(
             f"{len(starts)} starts for {count} sets", place="`drive`", cure="Give one, or one each."
         )
+    plant = plant_of([recording for recordings in sets for recording in recordings])
+    known_inertia = keeps_inertia(plant, None, {*(free or ()), *(priors or {}), *(ties or {})})
+    for one in starts:
+        constant = "motor_constant" not in (free or ())
+        require_agreement(one, plant, motor_constant=constant, inertia=known_inertia)
+    if known_inertia and "J" not in fixed:
+        fixed = (*fixed, "J")
+    if encoder_step is None and plant is not None:
+        encoder_step = plant.encoder_step
     batches = [make_batch(tuple(recordings), encoder_step=encoder_step) for recordings in sets]
     _check(batches)
     template = starts[0]
@@ -152,27 +163,29 @@ def fit_many(
         other=_others(vectors, constraints.layout, template, sets[0] if own_starts and settle else ()),
     )
 
-    def run(sets: Sets) -> Found:
-        return _on_all(posterior, sets, int(substeps), bool(settle), progress)
+    with reporting(progress) as report:
 
-    found = run(whole)
-    if settle and own_starts:
-        # The start of lower cost may lead to a wrong minimum: such sets are fitted again from each of the two, and from
-        # the median of the others.
-        for retry in ("vector", "other", None):
-            places = _doubtful(found)
-            if not places.size:
-                break
-            one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
-            if retry:
-                start = getattr(one, retry)
-            else:
-                finite = found.vector[np.all(np.isfinite(found.vector), axis=1)]
-                if not finite.size:
+        def run(sets: Sets) -> Found:
+            return _on_all(posterior, sets, int(substeps), bool(settle), report)
+
+        found = run(whole)
+        if settle and own_starts:
+            # The start of lower cost may lead to a wrong minimum: such sets are fitted again from each of the two, and
+            # from the median of the others.
+            for retry in ("vector", "other", None):
+                places = _doubtful(found)
+                if not places.size:
                     break
-                start = np.tile(np.median(finite, axis=0), (places.size, 1))
-            again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
-            _keep_better(found, again, places)
+                one = jax.tree.map(lambda leaf, places=places: leaf[places], whole)
+                if retry:
+                    start = getattr(one, retry)
+                else:
+                    finite = found.vector[np.all(np.isfinite(found.vector), axis=1)]
+                    if not finite.size:
+                        break
+                    start = np.tile(np.median(finite, axis=0), (places.size, 1))
+                again = run(eqx.tree_at(lambda w: (w.vector, w.other), one, (start, start)))
+                _keep_better(found, again, places)
     return _replicas(found, posterior)
 
 

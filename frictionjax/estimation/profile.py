@@ -1,5 +1,7 @@
 """Profile likelihood and parametric bootstrap: intervals beyond the standard error, by many refits side by side."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,8 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 from scipy.stats import chi2
 
-from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.display import AbstractDisplayed, Display, Grid
+from frictionjax.core.frames import to_dataframe
 from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS
@@ -22,7 +26,7 @@ _HELD = 1e-3  # standard errors: how closely a profiled parameter is held at its
 _LANES = 4  # refits side by side
 
 
-class Profile(eqx.Module):
+class Profile(AbstractDisplayed):
     """The profile likelihood of one parameter.
 
     **Attributes:**
@@ -52,8 +56,23 @@ class Profile(eqx.Module):
             limits.append(self.value + side * reach)
         return limits[0], limits[1]
 
+    def _display(self) -> Display:
+        low, high = self.interval()
+        title = f"Profile likelihood of {self.name}: {self.value:.6g}, 95 % interval {low:.6g} to {high:.6g}"
+        rows = tuple((f"{v:.6g}", f"{d:.4g}") for v, d in zip(self.values, self.deviance, strict=True))
+        return Display(title, (), (Grid((self.name, "deviance"), rows),))
 
-class Bootstrap(eqx.Module):
+    def plot(self, **how: Any) -> Any:
+        """Draw the deviance over the parameter, with the parabola of its standard error: `frictionjax.plot`, with `how`
+        as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the columns `values` and `deviance`."""
+        return to_dataframe({"values": self.values, "deviance": self.deviance})
+
+
+class Bootstrap(AbstractDisplayed):
     """Refits of data drawn from a fitted model.
 
     **Attributes:** `names` of the p parameters; `values` of the d refits in physical units, shape `(d, p)`; `estimate`
@@ -85,6 +104,18 @@ class Bootstrap(eqx.Module):
         place = self.names.index(name)
         low, high = np.quantile(self.values[:, place], [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
         return float(2.0 * self.estimate[place] - high), float(2.0 * self.estimate[place] - low)
+
+    def _display(self) -> Display:
+        rows = tuple(
+            (name, f"{value:.6g}", f"{self.stderr[name]:.2g}", f"{self.bias[name]:.2g}")
+            for name, value in zip(self.names, self.estimate, strict=True)
+        )
+        head = ("parameter", "estimate", "standard deviation", "bias")
+        return Display(f"Bootstrap of {self.values.shape[0]} refits", (), (Grid(head, rows),))
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a column for each parameter and a row for each refit."""
+        return to_dataframe({name: self.values[:, k] for k, name in enumerate(self.names)})
 
 
 def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Numbers, " q"]]:
@@ -193,7 +224,7 @@ def _redrawn(
 
 
 def bootstrap(
-    result: FitResult, draws: int, key: Key[Array, ""], *, piece: int = 64, progress: Progress = silent
+    result: FitResult, draws: int, key: Key[Array, ""], *, piece: int = 64, progress: Progress | bool = True
 ) -> Bootstrap:
     """Parametric bootstrap: data drawn from the fitted model and its noise, and fitted again.
 
@@ -205,7 +236,7 @@ def bootstrap(
     - `draws`: how many.
     - `key`: for the noise.
     - `piece`: so many at a time, for the progress.
-    - `progress`: called as pieces are done.
+    - `progress`: called as pieces are done; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -227,10 +258,11 @@ def bootstrap(
     keys = jax.random.split(key, draws)
     piece = min(piece, draws)
     found = []
-    for first in range(0, draws, piece):
-        taken = np.minimum(np.arange(first, first + piece), draws - 1)
-        some = np.asarray(_redrawn(posterior, vector, unit, keys[taken]))
-        found.append(some[: min(piece, draws - first)])
-        progress("bootstrap", min(first + piece, draws) / draws)
+    with reporting(progress) as report:
+        for first in range(0, draws, piece):
+            taken = np.minimum(np.arange(first, first + piece), draws - 1)
+            some = np.asarray(_redrawn(posterior, vector, unit, keys[taken]))
+            found.append(some[: min(piece, draws - first)])
+            report("bootstrap", min(first + piece, draws) / draws)
     estimate = np.array([result.parameters[name].value for name in result.names])
     return Bootstrap(result.names, np.concatenate(found), estimate)

@@ -1,6 +1,7 @@
 """`FitResult`: estimates, their uncertainty and the noise of a fit."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -8,8 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import Estimate
+from frictionjax.core import Estimate, public_verb
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimates_grid
+from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.descent.stepper import Ending
@@ -40,7 +43,7 @@ class RecordingNoise(eqx.Module):
     power: float = eqx.field(static=True)
 
 
-class FitResult(eqx.Module):
+class FitResult(AbstractDisplayed):
     """A fitted drive.
 
     **Attributes:**
@@ -76,6 +79,45 @@ class FitResult(eqx.Module):
     def stderr(self) -> dict[str, float]:
         """Label -> standard error in physical units."""
         return {name: estimate.stderr for name, estimate in self.parameters.items()}
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "p p"]:
+        """Correlation of the free parameters, shape `(p, p)`; NaN where a variance is not finite."""
+        spread = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.covariance / spread[:, None] / spread[None, :]
+
+    def _display(self) -> Display:
+        noise = tuple(
+            (name, f"{one.position:.3g}", f"{one.push:.3g}", f"{one.power:.3g}")
+            for name, one in self.noise.items()
+        )
+        head = ("recording", "sensor noise", "unmeasured force", "innovation power")
+        effects = [effect.name for effect in self.drive.effects]
+        title = f"Fit of LuGre {'with ' + ', '.join(effects) if effects else 'alone'}"
+        return Display(title, (self.message,), (estimates_grid(self.parameters), Grid(head, noise)))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw friction against velocity, the presliding loop and the correlations of the estimates:
+        `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each parameter: `value`, `stderr`, `unit`, `identified`."""
+        return to_dataframe(estimate_columns(self.parameters), index="parameter")
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `parameter`: `value`, `stderr`, and `covariance` over `parameter` and `other`."""
+        own = [self.parameters[name] for name in self.names]
+        arrays = {
+            "value": (("parameter",), np.array([one.value for one in own])),
+            "stderr": (("parameter",), np.array([one.stderr for one in own])),
+            "unit": (("parameter",), np.array([one.unit for one in own])),
+            "covariance": (("parameter", "other"), self.covariance),
+        }
+        return to_xarray(
+            arrays, {"parameter": list(self.names), "other": list(self.names)}, message=self.message
+        )
 
 
 @compiled()

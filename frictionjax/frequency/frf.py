@@ -1,6 +1,6 @@
 """Frequency response of a machine from noise, as in the paper's Section IV."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,11 +8,13 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from frictionjax.core import InputError, require_x64
+from frictionjax.core import InputError, public_verb, require_x64
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row, value_text
+from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.frequency.windows import WindowName, averaging, window_values
 
 
-class FRF(eqx.Module):
+class FRF(AbstractDisplayed):
     """A measured frequency response function.
 
     **Attributes:**
@@ -44,6 +46,44 @@ class FRF(eqx.Module):
         """
         size = jnp.abs(self.response)
         return jnp.where(size > 0.0, self.std / jnp.where(size > 0.0, size, 1.0), jnp.inf)
+
+    def _display(self) -> Display:
+        title = (
+            f"FRF of {self.frequency.shape[-1]} frequencies, {value_text(self.averages_effective)} effective averages, "
+            f"{value_text(self.sample_rate)} Hz"
+        )
+        ratio = "output/input"
+        rows = [("frequency", self.frequency, "Hz"), ("|response|", jnp.abs(self.response), ratio)]
+        rows += [("coherence", self.coherence, ""), ("std", self.std, ratio)]
+        return Display(title, (), (Grid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw magnitude, phase and coherence over frequency: `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame over `frequency` (Hz): `response` (complex), `magnitude`, `phase` (rad), `coherence`,
+        `std`, `phase_std` (rad)."""
+        return to_dataframe({"frequency": self.frequency, **self._columns()}, _UNITS, index="frequency")
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `frequency` (Hz), with the columns of `to_dataframe`."""
+        arrays = {name: (("frequency",), values) for name, values in self._columns().items()}
+        about = {"sample_rate": float(self.sample_rate), "averages_effective": float(self.averages_effective)}
+        return to_xarray(arrays, {"frequency": self.frequency}, _UNITS, **about)
+
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "response": self.response,
+            "magnitude": jnp.abs(self.response),
+            "phase": jnp.unwrap(jnp.angle(self.response)),
+            "coherence": self.coherence,
+            "std": self.std,
+            "phase_std": self.phase_std,
+        }
+
+
+_UNITS = {"frequency": "Hz", "phase": "rad", "phase_std": "rad", "coherence": "1"}
 
 
 def estimate_frf(

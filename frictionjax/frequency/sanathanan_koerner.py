@@ -1,13 +1,16 @@
 """Inertia, stiffness and damping from a frequency response, as in the paper's Fig. 4(b)."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
 
-from frictionjax.core import Estimate, InputError, require_x64
+from frictionjax.core import Estimate, InputError, public_verb, require_x64
+from frictionjax.core.display import AbstractDisplayed, Display, estimates_grid
+from frictionjax.core.frames import estimate_columns, to_dataframe
 from frictionjax.frequency.frf import FRF
 from frictionjax.frequency.second_order import Lines, iterate, sampled_response
 
@@ -15,7 +18,7 @@ _fitted = eqx.filter_jit(sampled_response)
 FREEDOM = 50.0  # degrees of freedom that each bin's variance should rest on
 
 
-class SKResult(eqx.Module):
+class SKResult(AbstractDisplayed):
     """The second-order system that fits a frequency response.
 
     **Attributes:**
@@ -33,6 +36,7 @@ class SKResult(eqx.Module):
     - `converged`: whether the last step was below a small part of the standard errors.
     - `message`: how the iteration ended, as a sentence.
     - `warnings`: what a reader of the numbers must know, as sentences.
+    - `measured`, `std`: the measured response at `frequency`, shape `(n,)`, and its standard deviation.
     """
 
     J: Estimate
@@ -48,6 +52,28 @@ class SKResult(eqx.Module):
     converged: bool = eqx.field(static=True)
     message: str = eqx.field(static=True)
     warnings: tuple[str, ...] = eqx.field(static=True)
+    measured: Complex[np.ndarray, " n"]
+    std: Float[np.ndarray, " n"]
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        """Name -> `Estimate`."""
+        names = ("J", "stiffness", "damping", "delay", "natural_frequency", "damping_ratio")
+        return {name: getattr(self, name) for name in names}
+
+    def _display(self) -> Display:
+        low, high = self.frequency[0], self.frequency[-1]
+        title = f"Second-order system fitted from {low:.4g} to {high:.4g} Hz, misfit {self.misfit:.3g}"
+        return Display(title, (self.message, *self.warnings), (estimates_grid(self.parameters),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the measured and the fitted response, magnitude and phase over frequency: `frictionjax.plot`, with `how`
+        as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each parameter: `value`, `stderr`, `unit`, `identified`."""
+        return to_dataframe(estimate_columns(self.parameters), index="parameter")
 
 
 def fit_sk(
@@ -148,6 +174,8 @@ def fit_sk(
         converged=converged,
         message=_message(converged, steps, max_steps),
         warnings=_warnings(estimates, excess, frequency, frf, converged),
+        measured=response,
+        std=np.sqrt(variance),
     )
 
 

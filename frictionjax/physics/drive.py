@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from frictionjax.core.display import one_line
 from frictionjax.core.safe import real, sign
 from frictionjax.physics.bristles import Bristles, bristle_count, bristles_of
 from frictionjax.physics.effects.base import (
@@ -46,6 +47,9 @@ class Drive(eqx.Module):
     friction: LuGre
     motor_constant: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
     effects: tuple[AbstractEffect, ...] = ()
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
     def with_effects(self, *effects: AbstractEffect) -> "Drive":
         """The same drive with further `effects`."""

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.display import one_line
 from frictionjax.core.safe import real
 
 
@@ -49,3 +50,6 @@ class LuGre(eqx.Module):
         """Steady-state friction level G(v) without viscous part, force; even in the velocity `v` (position/s)."""
         ratio = v * (1.0 / self.vs)
         return self.Fc + (self.Fs - self.Fc) * jnp.exp(-ratio * ratio)
+
+    def __repr__(self) -> str:
+        return one_line(self)

@@ -1,13 +1,19 @@
 """The nouns: a recording, the plant it was made on, the user's own model of it, and the case of them."""
 
-from typing import Literal
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, one_line, signal_row
+from frictionjax.core.frames import to_dataframe, to_xarray
+
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
 JITTER_TOLERANCE = 1e-3
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
 
 
 class Plant(eqx.Module):
@@ -27,6 +33,9 @@ class Plant(eqx.Module):
     input_unit: str = eqx.field(static=True, default="input")
     encoder_step: float | None = eqx.field(static=True, default=None)
     inertia: float | None = eqx.field(static=True, default=None)
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
 
 class Sampling(eqx.Module):
@@ -50,7 +59,7 @@ class Sampling(eqx.Module):
     resampled: bool = eqx.field(static=True, default=False)
 
 
-class Recording(eqx.Module):
+class Recording(AbstractDisplayed):
     """One uniformly sampled experiment: the input that was applied and the position that was measured.
 
     **Attributes:**
@@ -66,6 +75,7 @@ class Recording(eqx.Module):
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
     - `warnings`: what the audit found, as sentences.
     - `sampling`: how far the file's time stamps were from a uniform grid.
+    - `plant`: the machine, as its case describes it; None when nothing is known of it.
     """
 
     name: str = eqx.field(static=True)
@@ -84,6 +94,39 @@ class Recording(eqx.Module):
     supply: Float[np.ndarray, " n"] | None = None
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
     sampling: Sampling = Sampling()
+    plant: Plant | None = None
+
+    def _display(self) -> Display:
+        kind = "motion imposed" if self.drive == "motion" else f"{self.loop} loop"
+        role = "held out" if self.role == "holdout" else "to fit"
+        title = (
+            f"Recording {self.name}: {self.x.size} samples at {self.sample_rate:g} Hz, {self.duration:.4g} s, {role}, "
+            f"{kind}"
+        )
+        units = self._units()
+        rows = [(name, getattr(self, name)) for name in _CHANNELS]
+        shown = tuple(signal_row(name, v, units.get(name, "")) for name, v in rows if v is not None)
+        return Display(title, self.warnings, (Grid(SIGNALS, shown),))
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame over `t` (s), with a column for each channel."""
+        channels = {name: getattr(self, name) for name in _CHANNELS if getattr(self, name) is not None}
+        return to_dataframe({"t": self.t, **channels}, {"t": "s", **self._units()}, index="t")
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `t` (s), with a variable for each channel."""
+        arrays = {
+            name: (("t",), getattr(self, name)) for name in _CHANNELS if getattr(self, name) is not None
+        }
+        units = {name: unit for name, unit in self._units().items() if name in arrays}
+        return to_xarray(
+            arrays, {"t": self.t}, {"t": "s", **units}, name=self.name, sample_rate=self.sample_rate
+        )
+
+    def _units(self) -> dict[str, str]:
+        plant = self.plant or Plant()
+        units = {"u": plant.input_unit, "x": plant.position_unit, "v": f"{plant.position_unit}/s"}
+        return {**units, "force": plant.force_unit}
 
     @property
     def t(self) -> Float[np.ndarray, " n"]:
@@ -130,13 +173,13 @@ class GivenModel(eqx.Module):
     source: str | None = eqx.field(static=True, default=None)
 
 
-class Case(eqx.Module):
+class Case(AbstractDisplayed):
     """A plant and its recordings.
 
     **Attributes:**
 
     - `name`: the case's name.
-    - `plant`: the `Plant`.
+    - `plant`: the `Plant`; each of the recordings is given it, so that what is known of the machine goes with them.
     - `recordings`: all recordings, in the order of the case file.
     - `model`: the user's own model of the machine; None where there is none.
     """
@@ -145,6 +188,29 @@ class Case(eqx.Module):
     plant: Plant
     recordings: tuple[Recording, ...]
     model: GivenModel | None = None
+
+    def __init__(
+        self, name: str, plant: Plant, recordings: Sequence[Recording], model: GivenModel | None = None
+    ) -> None:
+        self.name, self.plant, self.model = name, plant, model
+        self.recordings = tuple(
+            one if one.plant is plant else dataclasses.replace(one, plant=plant) for one in recordings
+        )
+
+    def _display(self) -> Display:
+        rows = tuple(
+            (
+                one.name,
+                "held out" if one.role == "holdout" else "fit",
+                f"{one.sample_rate:g} Hz",
+                f"{one.duration:.4g} s",
+                "motion imposed" if one.drive == "motion" else f"{one.loop} loop",
+                str(len(one.warnings)),
+            )
+            for one in self.recordings
+        )
+        head = ("recording", "role", "sample rate", "length", "experiment", "warnings")
+        return Display(f"Case {self.name}", (repr(self.plant),), (Grid(head, rows),))
 
     @property
     def fit_recordings(self) -> tuple[Recording, ...]:

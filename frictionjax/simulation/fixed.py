@@ -1,7 +1,7 @@
 """`simulate`: free run of a drive on a sampled input, with fixed steps."""
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -9,7 +9,9 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int, Real
 
-from frictionjax.core import require_x64
+from frictionjax.core import public_verb, require_x64
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row
+from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import Before
@@ -17,7 +19,7 @@ from frictionjax.simulation.ros2 import State, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
 
-class Trajectory(eqx.Module):
+class Trajectory(AbstractDisplayed):
     """A simulated experiment; arrays have shape `(n,)` (`z`: `(n, bristles)`), values at the sample instants.
 
     **Attributes:** `t` (s), `x` (position), `v` (position/s), `z` (deflection of each bristle, position),
@@ -34,6 +36,34 @@ class Trajectory(eqx.Module):
     measured: Float[Array, " n"]
     substeps: int | None = eqx.field(static=True, default=None)
     error: float | None = eqx.field(static=True, default=None)
+
+    def _display(self) -> Display:
+        rows = [("t", self.t, "s"), ("x", self.x, "position"), ("v", self.v, "position/s")]
+        rows += [("z", self.z, "position"), ("friction", self.friction, "force")]
+        rows += [("measured", self.measured, "position")]
+        title = f"Trajectory of {self.t.shape[-1]} samples"
+        return Display(title, (), (Grid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw position, velocity and friction force over time: `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame over `t`: `x`, `v`, `friction`, `measured`, and `z1`, `z2`, ... for the bristles."""
+        bristles = {f"z{k + 1}": self.z[:, k] for k in range(self.z.shape[1])}
+        signals = {"x": self.x, "v": self.v, "friction": self.friction, "measured": self.measured}
+        return to_dataframe({"t": self.t, **signals, **bristles}, {"t": "s", **_UNITS}, index="t")
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `t`, with `z` over `bristle`, too."""
+        arrays = {name: (("t",), getattr(self, name)) for name in ("x", "v", "friction", "measured")}
+        coordinates = {"t": self.t, "bristle": range(self.z.shape[1])}
+        return to_xarray(
+            {**arrays, "z": (("t", "bristle"), self.z)}, coordinates, {"t": "s", **_UNITS, "z": "position"}
+        )
+
+
+_UNITS = {"x": "position", "v": "position/s", "friction": "force", "measured": "position"}
 
 
 Start = (

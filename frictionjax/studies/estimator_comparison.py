@@ -10,7 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
+from frictionjax.core.display import AbstractDisplayed, Display, records_grid
+from frictionjax.core.frames import records, to_dataframe
 from frictionjax.studies.estimator_draws import (
     bounds,
     draw,
@@ -36,7 +38,7 @@ WIDTH = 128  # draws computed at a time
 NORMAL_95 = 1.96
 
 
-class EstimatorComparison(eqx.Module):
+class EstimatorComparison(AbstractDisplayed):
     """The estimates of each estimator on the same draws.
 
     Arrays have the axes estimator, noise level, draw, parameter, in the order of `estimators` and `parameters`.
@@ -67,6 +69,17 @@ class EstimatorComparison(eqx.Module):
     bound: Float[np.ndarray, "e k p"]
     seconds: Mapping[str, float] = eqx.field(static=True)
     excitation: float = eqx.field(static=True)
+
+    def _display(self) -> Display:
+        return Display("Comparison of estimators", self.sentences, (records_grid(self.table()),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the scatter of each estimator over the Cramer-Rao bound: `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the rows of `table`."""
+        return to_dataframe(records(self.table()))
 
     @property
     def bias(self) -> Float[np.ndarray, "e k p"]:
@@ -161,7 +174,7 @@ def compare_estimators(
     excitation: float = EXCITATION,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> EstimatorComparison:
     """Compare Sanathanan-Koerner, maximum likelihood on the response, break-away data, and all data together.
 
@@ -179,7 +192,7 @@ def compare_estimators(
     - `excitation`: rms of the noise experiment over the static friction.
     - `seed`: of the random numbers.
     - `executor`: threads that share the work, such as `ThreadPoolExecutor(2)`.
-    - `progress`: called as parts of the work are finished.
+    - `progress`: called as parts of the work are finished; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:** the `EstimatorComparison`.
 
@@ -201,23 +214,24 @@ def compare_estimators(
     keys = jnp.tile(jax.random.split(jax.random.key(seed), draws), scale.size)
     sigma = jnp.repeat(jnp.asarray(noise), draws)
 
-    def stage(
-        name: str, function: Callable[[Any], Any], lanes: Any, begin: float, end: float
-    ) -> tuple[Any, float]:
-        return in_parts(
-            function, lanes, WIDTH, executor, lambda part: progress(name, begin + (end - begin) * part)
-        )
+    with reporting(progress) as report:
 
-    data, _ = stage("draws", lambda lanes: draw(theta, force, *lanes), (keys, sigma), 0.0, 0.05)
-    (sk, ml), response_seconds = stage("response", respond, data, 0.05, 0.15)
-    (slow, found), slow_seconds = stage("breakaway", lambda lanes: slowly(theta, lanes), data, 0.15, 0.5)
-    (both, _), both_seconds = stage(
-        "joint", lambda lanes: jointly(theta, lanes), data | {"found": found}, 0.5, 0.97
-    )
+        def stage(
+            name: str, function: Callable[[Any], Any], lanes: Any, begin: float, end: float
+        ) -> tuple[Any, float]:
+            return in_parts(
+                function, lanes, WIDTH, executor, lambda part: report(name, begin + (end - begin) * part)
+            )
+
+        data, _ = stage("draws", lambda lanes: draw(theta, force, *lanes), (keys, sigma), 0.0, 0.05)
+        (sk, ml), response_seconds = stage("response", respond, data, 0.05, 0.15)
+        (slow, found), slow_seconds = stage("breakaway", lambda lanes: slowly(theta, lanes), data, 0.15, 0.5)
+        (both, _), both_seconds = stage(
+            "joint", lambda lanes: jointly(theta, lanes), data | {"found": found}, 0.5, 0.97
+        )
     few = jax.tree.map(lambda leaf: leaf[: part_width(len(sigma), WIDTH)], data)
     unit_bound = np.sqrt(bounds(theta, few))[np.array([0, 0, 1, 2])]
     unit_bound[:2, 3:] = np.nan
-    progress("bound", 1.0)
 
     shape = (scale.size, draws)
     fits = (sk, ml, slow, both)

@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Key, Real
 
-from frictionjax.core import InputError, Progress, require_x64, silent
+from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
+from frictionjax.core.display import AbstractDisplayed, Display, records_grid
+from frictionjax.core.frames import records, to_dataframe
 from frictionjax.excitation import gaussian_noise, prbs
 from frictionjax.excitation.prbs import HALF_POWER
 from frictionjax.frequency import FRF, estimate_frf
@@ -32,7 +34,7 @@ def table_one() -> Drive:
     return Drive(J=1.0, friction=LuGre(sigma0=1e5, sigma1=1e5**0.5, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3))
 
 
-class LevelSweep(eqx.Module):
+class LevelSweep(AbstractDisplayed):
     """Readings from frequency responses at each level of the excitation, all else equal.
 
     Arrays over excitations, levels and seeds have the shape `(2, k, seeds)`, in the order of `excitations`.
@@ -59,6 +61,17 @@ class LevelSweep(eqx.Module):
     true_stiffness: float = eqx.field(static=True)
     band: tuple[float | int, float | int] = eqx.field(static=True)
     low_band: tuple[float | int, float | int] = eqx.field(static=True)
+
+    def _display(self) -> Display:
+        return Display(f"Level sweep of {self.levels.size} levels", (), (records_grid(self.table()),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the stiffness over the level of the excitation: `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with the rows of `table`."""
+        return to_dataframe(records(self.table()))
 
     def mean(self, kind: str, quantity: str = "stiffness") -> Float[np.ndarray, " k"]:
         """Mean over the seeds, shape `(k,)`, of the attribute `quantity` with the excitation `kind`."""
@@ -139,7 +152,7 @@ def level_sweep(
     band: tuple[float | int, float | int] = (3.0, 150.0),
     low_band: tuple[float | int, float | int] = (3.0, 8.0),
     seed: int = 0,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> LevelSweep:
     """Simulate noise experiments at every level and seed, and read the stiffness from each frequency response.
 
@@ -160,7 +173,7 @@ def level_sweep(
     - `band`: where the second-order system is fitted, Hz.
     - `low_band`: where the stiffness is read from `1 / |H|`, Hz.
     - `seed`: of the random numbers.
-    - `progress`: called after each part of the batch.
+    - `progress`: called after each part of the batch; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:** the `LevelSweep`.
 
@@ -182,13 +195,14 @@ def level_sweep(
     parts = -(-level.size // CHUNK)
     width = -(-level.size // parts)
     found = []
-    for part in range(parts):
-        place = np.minimum(np.arange(part * width, (part + 1) * width), level.size - 1)
-        found.append(
-            _records(drive, keys[place], jnp.asarray(level[place]), jnp.asarray(binary[place]), setting)
-        )
-        jax.block_until_ready(found[-1])
-        progress("levels", (part + 1) / parts)
+    with reporting(progress) as report:
+        for part in range(parts):
+            place = np.minimum(np.arange(part * width, (part + 1) * width), level.size - 1)
+            found.append(
+                _records(drive, keys[place], jnp.asarray(level[place]), jnp.asarray(binary[place]), setting)
+            )
+            jax.block_until_ready(found[-1])
+            report("levels", (part + 1) / parts)
     numbers = np.concatenate(found, axis=1)[:, : level.size].reshape(5, *shape)
     return LevelSweep(
         levels=levels,

@@ -10,7 +10,9 @@ from typing import Any
 
 import equinox as eqx
 
-from frictionjax.core import InputError, Progress, silent
+from frictionjax.core import InputError, Progress, public_verb, reporting
+from frictionjax.core.display import AbstractDisplayed, Display, records_grid
+from frictionjax.core.frames import records, to_dataframe
 
 
 class Design(eqx.Module):
@@ -33,7 +35,7 @@ class Design(eqx.Module):
     seed: int = eqx.field(static=True, default=0)
 
 
-class Study(eqx.Module):
+class Study(AbstractDisplayed):
     """The results of a study.
 
     **Attributes:**
@@ -77,6 +79,25 @@ class Study(eqx.Module):
             rows.append(row)
         return rows
 
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The names of the entries of a case."""
+        return self._names
+
+    def _display(self) -> Display:
+        failed = (f"{len(self.failures)} runs failed: {self.failures[0]['error']}",) if self.failures else ()
+        title = f"Study of {len(self.runs)} runs, {self.resumed} of them read from disk"
+        return Display(title, failed, (records_grid(self.summary()),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the mean of each number, with its standard error, over the first entry of the cases that varies:
+        `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row for each run."""
+        return to_dataframe(records(self.runs))
+
 
 def grid(**axes: Iterable[Any]) -> tuple[dict[str, Any], ...]:
     """Every combination of the values of `axes`, the last axis fastest: the cases of a full factorial design."""
@@ -91,7 +112,7 @@ def run_study(
     executor: Executor | None = None,
     *,
     out: str | Path | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> Study:
     """Run every case of `design` with every seed.
 
@@ -105,7 +126,7 @@ def run_study(
     - `executor`: any executor of `concurrent.futures`; by default the runs follow each other in this process. JAX does
         not survive a fork: make a pool of processes with the "spawn" context.
     - `out`: file of finished runs, JSON lines; made where it is not there.
-    - `progress`: called as runs finish.
+    - `progress`: called as runs finish; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:** the `Study`.
 
@@ -118,14 +139,15 @@ def run_study(
     resumed, failures = len(results), {}
     waiting = [key for key in plan if key not in results]
     finished = _in_turn(design, plan, waiting) if executor is None else _on(executor, design, plan, waiting)
-    for count, (key, result, error) in enumerate(finished, start=1):
-        if error is not None:
-            failures[key] = error
-        else:
-            results[key] = result
-            if out is not None:
-                _append(Path(out), key, result)
-        progress("runs", (resumed + count) / len(plan))
+    with reporting(progress) as report:
+        for count, (key, result, error) in enumerate(finished, start=1):
+            if error is not None:
+                failures[key] = error
+            else:
+                results[key] = result
+                if out is not None:
+                    _append(Path(out), key, result)
+            report("runs", (resumed + count) / len(plan))
     if failures and not results:
         raise next(iter(failures.values()))
     names = tuple(dict.fromkeys(name for case in design.cases for name in case))

@@ -57,6 +57,10 @@ def test_the_table_in_architecture_says_the_same():
 
 SOUND = {
     "__init__.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from frictionjax.api import *\n",
+    "core/front_door.py": "import importlib\ndef verb(name):\n"
+    "    return getattr(importlib.import_module('frictionjax'), name)\n",
+    "core/frames.py": "def frame():\n    import pandas\n    import xarray\n",
+    "report/plots/sheet.py": "def sheet():\n    import matplotlib.pyplot as plt\n",
     "core/__init__.py": "from frictionjax.core.errors import InputError as InputError\n",
     "core/errors.py": "class InputError(ValueError): ...\n",
     "core/precision.py": "import jax\nON = jax.config.read('jax_enable_x64')\n",
@@ -120,6 +124,16 @@ PLANTED = {
         "diagnosis/explain.py",
         "import matplotlib.pyplot as plt",
         "matplotlib is imported in report/ and paper/figures/ only",
+    ),
+    "pandas": (
+        "studies/a.py",
+        "import pandas",
+        "pandas is imported in core/frames.py only",
+    ),
+    "late matplotlib": (
+        "report/plots/a.py",
+        "def f():\n    import matplotlib.pyplot",
+        "import of matplotlib.pyplot inside a function",
     ),
     "argparse": ("report/a.py", "import argparse", "argparse is imported in cli.py only"),
     "config set": (

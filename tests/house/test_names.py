@@ -19,7 +19,7 @@ CONTRACT = {
 EXPECTED = sorted(
     {
         *CONTRACT,
-        *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue"),
+        *("Case", "Plant", "Recording", "audit", "case_from_files", "catalogue", "recording_from_frame"),
         *("Diagnosis", "Effort", "Estimate", "FRF", "FitResult", "Rule", "Trajectory"),
         *("BLA", "Resonances", "ZeroAmplitude"),
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),

@@ -39,13 +39,21 @@ ADAPTERS_THAT_LOAD_LATE = {
     "diffrax": "simulation/reference.py",
     "optimistix": "estimation/descent/levenberg_marquardt.py",
     "lineax": "estimation/descent/levenberg_marquardt.py",
+    "pandas": "core/frames.py",
+    "xarray": "core/frames.py",
+    "matplotlib": "report/plots/sheet.py",
 }
-"""Solver libraries that take a while to load, and that the program's main job needs none of."""
-THROUGH_THE_FRONT_DOOR = ("diagnosis/verdict.py",)
-"""Files with a method that calls a public verb by the front door, when it is called: `Diagnosis.save`, a name of the
-contract, writes what the report makes."""
+"""Libraries that take a while to load or may be missing, and that the program's main job needs none of."""
+THROUGH_THE_FRONT_DOOR = ("core/front_door.py",)
+"""The file whose `public_verb` gives a method of a noun a public verb of a later step, when the method is called:
+`Diagnosis.save` writes what the report makes, `.plot()` draws."""
 ONE_FILE_EACH = ("diffrax", "optimistix")
-ONLY_UNDER = {"matplotlib": ("report/", "paper/figures/"), "argparse": ("cli.py",)}
+ONLY_UNDER = {
+    "matplotlib": ("report/", "paper/figures/"),
+    "argparse": ("cli.py",),
+    "pandas": ("core/frames.py",),
+    "xarray": ("core/frames.py",),
+}
 JAX_CONFIG_READERS = ("cli.py", "core/precision.py", "core/setup.py")
 JAX_CONFIG_SETTERS = ("cli.py", "core/setup.py")
 MAX_LINES = 400

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.display import one_line
 from frictionjax.core.safe import real
 from frictionjax.physics.lugre import LuGre
 from frictionjax.physics.push import Push
@@ -79,6 +80,9 @@ class AbstractEffect(eqx.Module):
     about: eqx.AbstractClassVar[About]
     strengths: eqx.AbstractClassVar[tuple[Parameter, ...]]
     nuisances: eqx.AbstractClassVar[tuple[Parameter, ...]]
+
+    def __repr__(self) -> str:
+        return one_line(self)
 
     def silenced(self) -> "AbstractEffect":
         """The same effect with every strength at zero: the base model, without another compilation."""
