@@ -34,21 +34,27 @@ class Table(eqx.Module):
     - `content`: the table.
     - `path`: keys that lead to it, with dots, for messages; empty for the file itself.
     - `file`: the file, for messages.
+    - `again`: how to make a file that is right, as a sentence.
     """
 
     content: dict[str, Any] = eqx.field(static=True)
     path: str = eqx.field(static=True)
     file: object = eqx.field(static=True)
+    again: str = eqx.field(static=True, default=AGAIN)
 
-    def fail(self, key: str, problem: str, cure: str = AGAIN) -> NoReturn:
-        """Raise the `InputError` for the field `key`: `problem` and `cure` are sentences."""
-        raise InputError(problem, file=self.file, place=f"field `{shown(self._at(key))}`", cure=cure)
+    def fail(self, key: str, problem: str, cure: str = "") -> NoReturn:
+        """Raise the `InputError` for the field `key`: `problem` and `cure` are sentences; no cure: `again`."""
+        raise InputError(
+            problem, file=self.file, place=f"field `{shown(self._at(key))}`", cure=cure or self.again
+        )
 
     def table(self, key: str) -> "Table":
         """The table under `key`."""
         value = self._value(key)
         return (
-            Table(value, self._at(key), self.file) if isinstance(value, dict) else self._not(key, "a table")
+            Table(value, self._at(key), self.file, self.again)
+            if isinstance(value, dict)
+            else self._not(key, "a table")
         )
 
     def tables(self) -> Iterator[tuple[str, "Table"]]:
@@ -60,7 +66,9 @@ class Table(eqx.Module):
         value = self._value(key)
         if not isinstance(value, list):
             self._not(key, "a list")
-        numbered = Table({str(i): entry for i, entry in enumerate(value)}, self._at(key), self.file)
+        numbered = Table(
+            {str(i): entry for i, entry in enumerate(value)}, self._at(key), self.file, self.again
+        )
         return [numbered.table(str(i)) for i in range(len(value))]
 
     def text(self, key: str) -> str:
@@ -92,7 +100,7 @@ class Table(eqx.Module):
         value = self._value(key)
         if not isinstance(value, list) or len(value) != size:
             self._not(key, f"a list of {size} rows")
-        rows = Table({str(i): row for i, row in enumerate(value)}, self._at(key), self.file)
+        rows = Table({str(i): row for i, row in enumerate(value)}, self._at(key), self.file, self.again)
         return np.array([rows._row(str(i), size, null) for i in range(size)], dtype=float).reshape(size, size)
 
     def only(self, names: tuple[str, ...]) -> None:

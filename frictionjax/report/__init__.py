@@ -1,5 +1,6 @@
-"""What a person reads: report.html and the summary printed in a terminal."""
+"""What a person reads: report.html, the summary printed in a terminal, pictures; and results saved and read back."""
 
+from frictionjax.report.load import load_diagnosis as load_diagnosis
 from frictionjax.report.page import write_report as write_report
 from frictionjax.report.save import check_writable as check_writable
 from frictionjax.report.save import rescue_diagnosis as rescue_diagnosis

@@ -58,6 +58,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
                 "where": found.where,
                 "split_by": found.split_by,
                 "sentence": found.sentence,
+                "evidence": found.evidence,
             }
             for found in diagnosis.missing
         ],
@@ -102,11 +103,13 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "warnings": diagnosis.warnings,
         "seconds": diagnosis.seconds,
+        "plant": plant,
         "units": {"position": plant.position_unit, "force": plant.force_unit, "input": plant.input_unit},
         "mismatch_within": [
             {
                 "axis": part.axis,
                 "bin": part.bin,
+                "phrase": part.phrase,
                 "given": part.given,
                 "only": part.only,
                 "share": part.share,
@@ -132,6 +135,7 @@ def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "rule": dataclasses.asdict(diagnosis.rule),
         "effort": dataclasses.asdict(diagnosis.effort),
         "tables": [table_json(table) for table in diagnosis.comparisons],
+        "experiments": {found.effect: found.next_experiment for found in diagnosis.missing},
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)
@@ -230,9 +234,14 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
     return directory
 
 
+def _stem(recording: RecordingFit) -> str:
+    return re.sub(r"[/\\\0]", "_", recording.name)
+
+
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     return {
         "role": recording.role,
+        "drive": recording.drive,
         "noise_floor": recording.noise_floor,
         "base": {
             "free_run_rmse": recording.free_run_rmse_base,

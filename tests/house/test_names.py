@@ -32,7 +32,7 @@ EXPECTED = sorted(
         "hold_out_last_third",
         *("Ranking", "rank_experiments", "Discrimination", "rank_for_discrimination"),
         *("DesignedMultisine", "optimise_multisine"),
-        *("load_fit", "save_fit", "save_diagnosis", "MujocoJoint", "mujoco_joint"),
+        *("load_fit", "save_fit", "save_diagnosis", "load_diagnosis", "plot", "MujocoJoint", "mujoco_joint"),
         *("FrictionjaxWarning", "InputError", "PrecisionError"),
     }
 )

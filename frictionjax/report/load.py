@@ -1,0 +1,206 @@
+"""`load_diagnosis`: a saved diagnosis, read back."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.core import Estimate, InputError
+from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
+from frictionjax.diagnosis.table import table_of
+from frictionjax.diagnosis.verdict import (
+    Candidate,
+    Diagnosis,
+    MismatchBin,
+    MissingEffect,
+    NextExperiment,
+    RecordingFit,
+    Unexplained,
+    Unmeasured,
+    Verdict,
+    Within,
+)
+from frictionjax.exchange.table import Table
+from frictionjax.recordings import Plant
+from frictionjax.recordings.words import require_file, shown
+from frictionjax.report.fit_csv import COLUMNS, MORE_COLUMNS
+from frictionjax.report.save import SCHEMA
+
+_AGAIN = "Diagnose the case again and save it with this version of frictionjax"
+
+
+def load_diagnosis(directory: str | Path) -> Diagnosis:
+    """The diagnosis that `Diagnosis.save`, `save_diagnosis` or the program wrote into `directory`.
+
+    Time series come from the CSV files, with nine significant digits; all other numbers are those that were saved.
+
+    **Arguments:**
+
+    - `directory`: the folder, or the verdict.json in it.
+
+    **Returns:**
+
+    The `Diagnosis`: it can be printed, drawn, explained and saved again. Null in a file is read as infinite in standard
+    errors, as NaN elsewhere.
+
+    **Raises:**
+
+    `InputError` for a file that is missing, is not JSON, was written by another version, or lacks a field.
+    """
+    folder = Path(directory)
+    folder = folder.parent if folder.name == "verdict.json" else folder
+    root = _json(folder / "verdict.json", SCHEMA)
+    searched = _json(folder / "comparisons.json", COMPARISONS)
+    verdict = root.text("verdict")
+    if verdict not in get_args(Verdict):
+        root.fail("verdict", f"{shown(verdict)} is not a verdict")
+    experiments = dict(searched.table("experiments").content)
+    try:
+        return Diagnosis(
+            case=root.text("case"),
+            plant=Plant(**root.table("plant").content),
+            verdict=cast(Verdict, verdict),
+            summary=root.text("summary"),
+            missing=tuple(_missing(entry, experiments) for entry in root.listed("missing")),
+            unexplained=Unexplained(**_numbered(root.table("unexplained").content)),
+            mismatch=tuple(MismatchBin(**_numbered(entry.content)) for entry in root.listed("mismatch")),
+            base=_estimates(root.table("base").table("parameters")),
+            extended=_estimates(root.table("extended").table("parameters")),
+            recordings=tuple(_recording(folder, name, entry) for name, entry in root.table("fit").tables()),
+            candidates=tuple(Candidate(**_numbered(entry.content)) for entry in root.listed("candidates")),
+            warnings=tuple(root.content["warnings"]),
+            seconds=dict(root.table("seconds").content),
+            within=tuple(Within(**_numbered(entry.content)) for entry in root.listed("mismatch_within")),
+            comparisons=tuple(table_of(entry.content) for entry in searched.listed("tables")),
+            rule=_rebuilt(Rule(), searched.table("rule").content),
+            effort=_rebuilt(Effort(), searched.table("effort").content),
+            unmeasured=None
+            if root.content.get("unmeasured_force") is None
+            else Unmeasured(**_numbered(root.table("unmeasured_force").content)),
+        )
+    except (TypeError, KeyError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        problem = f"has other fields than this version of frictionjax knows ({shown(error)})"
+        raise InputError(problem, file=folder / "verdict.json", cure=_AGAIN) from error
+
+
+def _json(path: Path, schema: str) -> Table:
+    """The file `path` of a saved diagnosis, whose schema must be `schema`."""
+    require_file(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not JSON: {shown(error)}", file=path, cure=_AGAIN) from error
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path, cure="Check its rights") from error
+    if not isinstance(content, dict):
+        raise InputError("is JSON, but not a table with a `schema`", file=path, cure=_AGAIN)
+    root = Table(content, "", path, _AGAIN)
+    if content.get("schema") != schema:
+        found = json.dumps(content.get("schema"))
+        root.fail("schema", f"the schema is {shown(found)}, not {json.dumps(schema)}")
+    return root
+
+
+def _missing(entry: Table, experiments: Mapping[str, Any]) -> MissingEffect:
+    content = dict(entry.content)
+    own = experiments.get(content["effect"])
+    return MissingEffect(
+        effect=entry.text("effect"),
+        effect_class=entry.texts("class"),
+        confidence=entry.number("confidence"),
+        p_value=entry.number("p_value"),
+        parameters=_estimates(entry.table("parameters")),
+        where=entry.text("where"),
+        split_by=entry.text("split_by"),
+        sentence=entry.text("sentence"),
+        evidence=tuple(_number(value) for value in content["evidence"]),
+        next_experiment=None
+        if own is None
+        else NextExperiment(
+            **{**_numbered(own), "between": tuple(own["between"]), "u": np.array(own["u"], dtype=float)}
+        ),
+    )
+
+
+def _estimates(table: Table) -> dict[str, Estimate]:
+    return {
+        name: Estimate(
+            entry.number("value"),
+            entry.number("stderr", math.inf),
+            entry.text("unit"),
+            entry.flag("identified"),
+        )
+        for name, entry in table.tables()
+    }
+
+
+def _recording(folder: Path, name: str, entry: Table) -> RecordingFit:
+    role, drive = entry.text("role"), entry.text("drive")
+    columns = _csv(require_file(folder / entry.text("file")), drive)
+    errors = {
+        f"{kind}_{model}": entry.table(model).number(kind)
+        for model in ("base", "extended")
+        for kind in ("free_run_rmse", "prediction_rmse")
+    }
+    return RecordingFit(
+        name=name,
+        role=cast(Any, role),
+        drive=cast(Any, drive),
+        noise_floor=entry.number("noise_floor"),
+        **errors,
+        **columns,
+    )
+
+
+def _csv(path: Path, drive: str) -> dict[str, Float[np.ndarray, " n"]]:
+    """The columns of a recording's file, shape `(n,)` each."""
+    needed = (*COLUMNS, *MORE_COLUMNS, *(("force",) if drive == "motion" else ()))
+    with path.open(encoding="ascii", errors="replace") as stream:
+        header = stream.readline().strip().split(",")
+        lacking = [name for name in needed if name not in header]
+        if lacking:
+            raise InputError(f"there is no column `{lacking[0]}`", file=path, place="line 1", cure=_AGAIN)
+        try:
+            table = np.loadtxt(stream, delimiter=",", ndmin=2, usecols=[header.index(n) for n in needed])
+        except ValueError as error:
+            raise InputError(f"holds no table of numbers: {shown(error)}", file=path, cure=_AGAIN) from error
+    return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(needed)}
+
+
+def _numbered(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a table of texts and numbers, in which null stands for what is not finite."""
+    return {key: _plain(value) for key, value in content.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return _numbered(value)
+    return math.nan if value is None else value
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _rebuilt(default: Any, content: Mapping[str, Any]) -> Any:
+    """The frozen dataclass of numbers like `default`, with the values of `content`."""
+    changes = {}
+    for field in dataclasses.fields(default):
+        value, before = content[field.name], getattr(default, field.name)
+        if dataclasses.is_dataclass(before):
+            value = _rebuilt(before, value)
+        changes[field.name] = _tuples(value)
+    return dataclasses.replace(default, **changes)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
