@@ -61,6 +61,7 @@ from frictionjax.recordings import hold_out_last_third as hold_out_last_third
 from frictionjax.recordings import load_case as load_case
 from frictionjax.recordings import recording_from_frame as recording_from_frame
 from frictionjax.report import load_diagnosis as load_diagnosis
+from frictionjax.report import plot as plot
 from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
@@ -133,6 +134,7 @@ __all__ = [
     "load_fit",
     "mujoco_joint",
     "optimise_multisine",
+    "plot",
     "profile_likelihood",
     "rank_experiments",
     "rank_for_discrimination",

@@ -34,6 +34,7 @@ class Profile(AbstractDisplayed):
     - `name`, `value`, `stderr`: the parameter, its estimate and its standard error.
     - `values`: where it was held, in its unit, shape `(k,)`.
     - `deviance`: twice the cost with all others refitted, less that at the estimate, shape `(k,)`.
+    - `unit`: of the parameter, as text.
     """
 
     name: str = eqx.field(static=True)
@@ -41,6 +42,7 @@ class Profile(AbstractDisplayed):
     stderr: float = eqx.field(static=True)
     values: Float[np.ndarray, " k"]
     deviance: Float[np.ndarray, " k"]
+    unit: str = eqx.field(static=True, default="1")
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Likelihood interval of `level`: where the deviance passes the quantile of chi-square with one degree of
@@ -58,7 +60,8 @@ class Profile(AbstractDisplayed):
 
     def _display(self) -> Display:
         low, high = self.interval()
-        title = f"Profile likelihood of {self.name}: {self.value:.6g}, 95 % interval {low:.6g} to {high:.6g}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        title = f"Profile likelihood of {self.name}: {self.value:.6g}, 95 % interval {low:.6g} to {high:.6g}{unit}"
         rows = tuple((f"{v:.6g}", f"{d:.4g}") for v, d in zip(self.values, self.deviance, strict=True))
         return Display(title, (), (Grid((self.name, "deviance"), rows),))
 
@@ -199,7 +202,7 @@ def profile_likelihood(
     means = jnp.asarray(np.concatenate([[estimate.value], np.asarray(values, dtype=float)]))
     costs, reached = (np.asarray(a) for a in _held(with_belief, vector, means))
     deviance = 2.0 * (costs[1:] - min(costs[0], float(np.min(costs))))
-    return Profile(name, estimate.value, estimate.stderr, reached[1:], deviance)
+    return Profile(name, estimate.value, estimate.stderr, reached[1:], deviance, estimate.unit)
 
 
 @eqx.filter_jit

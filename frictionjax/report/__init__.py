@@ -2,6 +2,7 @@
 
 from frictionjax.report.load import load_diagnosis as load_diagnosis
 from frictionjax.report.page import write_report as write_report
+from frictionjax.report.plots import plot as plot
 from frictionjax.report.save import check_writable as check_writable
 from frictionjax.report.save import rescue_diagnosis as rescue_diagnosis
 from frictionjax.report.save import reserved as reserved

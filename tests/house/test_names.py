@@ -101,6 +101,11 @@ print(*sys.modules)
     assert not {"jax", "frictionjax.api"} & set(loaded.split())
 
 
-def test_importing_the_public_names_leaves_the_settings_of_jax_alone():
-    code = "import jax; before = dict(jax.config.values); import frictionjax.api; print(before == jax.config.values)"
+def test_importing_the_public_names_leaves_the_settings_of_jax_alone_and_loads_no_window():
+    code = """
+import jax
+before = dict(jax.config.values)
+import frictionjax.api, sys
+print(before == jax.config.values, *{"matplotlib.pyplot", "pandas", "xarray"} & set(sys.modules))
+"""
     assert _run(code).strip() == "True"

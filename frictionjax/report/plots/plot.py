@@ -1,0 +1,75 @@
+"""`plot`: the picture that suits a result."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from frictionjax.core import InputError
+from frictionjax.diagnosis import Diagnosis
+from frictionjax.estimation import FitResult, Profile
+from frictionjax.frequency import FRF
+from frictionjax.frequency.sanathanan_koerner import SKResult
+from frictionjax.report.canvas import drawing
+from frictionjax.report.plots.diagnosis import draw_diagnosis
+from frictionjax.report.plots.estimates import draw_fit, draw_profile
+from frictionjax.report.plots.responses import draw_frf, draw_second_order
+from frictionjax.report.plots.signals import draw_trajectory
+from frictionjax.report.plots.studies import draw_comparison, draw_levels, draw_study
+from frictionjax.simulation import Trajectory
+from frictionjax.studies import EstimatorComparison, LevelSweep, Study
+
+_DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
+    Trajectory: draw_trajectory,
+    FRF: draw_frf,
+    SKResult: draw_second_order,
+    FitResult: draw_fit,
+    Profile: draw_profile,
+    Diagnosis: draw_diagnosis,
+    Study: draw_study,
+    LevelSweep: draw_levels,
+    EstimatorComparison: draw_comparison,
+}
+
+
+def plot(
+    result: Any, *, axes: Sequence[Axes] | Axes | None = None, units: Mapping[str, str] | None = None
+) -> tuple[Axes, ...]:
+    """Draw a result in the way that suits its kind; `result.plot()` is the same.
+
+    | kind | picture |
+    |---|---|
+    | `Trajectory` | position, velocity and friction force over time |
+    | `FRF` | magnitude with its standard deviation, phase, coherence |
+    | result of `fit_sk` | measured and fitted response, magnitude and phase |
+    | `FitResult` | friction against velocity, presliding loops, correlations of the estimates |
+    | `Profile` | deviance, with the parabola of the standard error |
+    | `Diagnosis` | held-out prediction errors, residual force, where the mismatch is |
+    | `Study` | mean and standard error of each number over the first entry of the cases that varies |
+    | result of `level_sweep` | stiffness over the level of the excitation |
+    | result of `compare_estimators` | scatter over the Cramer-Rao bound |
+
+    **Arguments:**
+
+    - `result`: one of these.
+    - `axes`: matplotlib axes to draw into, one for each panel, so that results can be compared in one figure; None: a
+        new figure of pyplot, which a notebook shows.
+    - `units`: names for `position`, `force` and `input`, where the result has none of its own.
+
+    **Returns:**
+
+    The matplotlib axes, one a panel; `axes[0].figure.savefig("picture.png")` keeps the picture.
+
+    **Raises:**
+
+    `InputError` for another kind of result, for a batch of results, and for a wrong number of `axes`.
+    """
+    draw = _DRAW.get(type(result))
+    if draw is None:
+        raise InputError(
+            f"{type(result).__name__} has no picture",
+            place="`result`",
+            cure=f"Give one of: {', '.join(kind.__name__ for kind in _DRAW)}.",
+        )
+    with drawing():
+        return tuple(draw(result, axes, units).values())

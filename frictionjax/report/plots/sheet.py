@@ -1,0 +1,90 @@
+"""The figure that a picture is drawn on: pyplot, which shows it in a notebook, is loaded when the first is made."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from frictionjax.core import InputError
+from frictionjax.report.canvas import drawing
+from frictionjax.report.format import unit_text
+
+Panels = Sequence[Sequence[str]]
+"""The names of the panels, row by row; one that occurs several times covers all its places, "." stays empty."""
+
+PANEL, STACKED = (3.7, 2.5), (5.6, 1.7)  # inches: of a panel, and of one in a stack that shares its axis
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#2b2b2b")
+"""Okabe and Ito's colours, for series that have no colour of their own."""
+
+
+def new_axes(
+    panels: Panels, axes: Sequence[Axes] | Axes | None, shared: Sequence[str] = ()
+) -> dict[str, Axes]:
+    """The axes of each panel by its name.
+
+    **Arguments:**
+
+    - `panels`: their arrangement in a new figure.
+    - `axes`: the caller's own, in the order of the names; None: a new figure.
+    - `shared`: names of panels that share their horizontal axis.
+
+    **Raises:** `InputError` when the number of `axes` is not that of the panels.
+    """
+    names = list(dict.fromkeys(name for row in panels for name in row if name != "."))
+    if axes is not None:
+        own = [axes] if isinstance(axes, Axes) else list(np.ravel(np.asarray(axes, dtype=object)))
+        if len(own) != len(names):
+            raise InputError(
+                f"there are {len(own)} axes for {len(names)} panels",
+                place="`axes`",
+                cure=f"Give one for each of: {', '.join(names)}.",
+            )
+        return dict(zip(names, own, strict=True))
+    import matplotlib.pyplot as plt
+
+    width, height = STACKED if len(panels) > 1 and len(panels[0]) == 1 else PANEL
+    size = (width * len(panels[0]) + 0.6, height * len(panels) + 0.3)
+    with drawing():
+        figure, found = plt.subplot_mosaic([list(row) for row in panels], figsize=size, layout="constrained")
+    for name in shared[1:]:
+        found[name].sharex(found[shared[0]])
+    for name in shared[:-1]:
+        found[name].tick_params(labelbottom=False)
+    figure.set_dpi(110)
+    return {name: found[name] for name in names}
+
+
+def labelled(name: str, unit: str) -> str:
+    """The label of an axis: a `name` and its `unit`, which a ratio has none of."""
+    text = unit_text(unit)
+    return f"{name} ({text})" if text else name
+
+
+def units_of(units: Mapping[str, str] | None) -> dict[str, str]:
+    """The names of the units of position, force and input: those in `units`, and for the others "position units" and so
+    on."""
+    return {kind: (units or {}).get(kind, f"{kind} units") for kind in ("position", "force", "input")}
+
+
+def per_second(unit: str) -> str:
+    """The `unit` over s, as text."""
+    return f"({unit})/s" if " " in unit else f"{unit}/s"
+
+
+def legend(axes: Axes, **how: Any) -> None:
+    """A legend of `axes` without a frame, where there is something to explain; `how`: as matplotlib has it."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(frameon=False, fontsize=7.5, **how)
+
+
+def error_band(
+    axes: Axes,
+    x: Float[np.ndarray, " n"],
+    y: Float[np.ndarray, " n"],
+    half_width: Float[np.ndarray, " n"],
+    colour: str,
+) -> None:
+    """Shade `half_width` about the curve `y` over `x` in `axes`, with the `colour`; arrays of shape `(n,)`."""
+    axes.fill_between(x, y - half_width, y + half_width, color=colour, alpha=0.2, linewidth=0)
