@@ -22,10 +22,14 @@ from frictionjax.estimation import bootstrap as bootstrap
 from frictionjax.estimation import fit as fit
 from frictionjax.estimation import fit_many as fit_many
 from frictionjax.estimation import profile_likelihood as profile_likelihood
+from frictionjax.exchange import JointModel as JointModel
 from frictionjax.exchange import MujocoJoint as MujocoJoint
+from frictionjax.exchange import bam_parameters as bam_parameters
+from frictionjax.exchange import isaac_lab_actuator as isaac_lab_actuator
 from frictionjax.exchange import load_fit as load_fit
 from frictionjax.exchange import mujoco_joint as mujoco_joint
 from frictionjax.exchange import save_fit as save_fit
+from frictionjax.exchange import urdf_dynamics as urdf_dynamics
 from frictionjax.frequency import BLA as BLA
 from frictionjax.frequency import FRF as FRF
 from frictionjax.frequency import Resonances as Resonances
@@ -96,6 +100,7 @@ __all__ = [
     "Identifiability",
     "Information",
     "InputError",
+    "JointModel",
     "LuGre",
     "MujocoJoint",
     "Observation",
@@ -111,6 +116,7 @@ __all__ = [
     "Trajectory",
     "ZeroAmplitude",
     "audit",
+    "bam_parameters",
     "best_linear_approximation",
     "bootstrap",
     "case_from_files",
@@ -127,6 +133,7 @@ __all__ = [
     "fit_sk",
     "hold_out_last_third",
     "identifiability",
+    "isaac_lab_actuator",
     "level_sweep",
     "linearize",
     "load_case",
@@ -146,4 +153,5 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_imposed",
+    "urdf_dynamics",
 ]

@@ -7,16 +7,23 @@ MuJoCo itself is not needed here. Its `frictionloss` is Coulomb friction alone, 
 import math
 from collections import defaultdict
 from typing import Literal
-from xml.sax.saxutils import quoteattr
 
 import equinox as eqx
-import numpy as np
 
-from frictionjax.core import InputError, Parameter
+from frictionjax.core import InputError
 from frictionjax.estimation import FitResult
 from frictionjax.estimation.parameters import effect_layout
+from frictionjax.exchange.joint import (
+    element,
+    exact,
+    lost_effects,
+    lost_presliding,
+    lost_stribeck,
+    numbers_of,
+    parts_of,
+    stderr_of_sum,
+)
 from frictionjax.physics import Drive
-from frictionjax.physics.effects import AbstractEffect
 from frictionjax.physics.effects.return_spring import ReturnSpring
 
 _STEP = (
@@ -26,6 +33,7 @@ _LEAST_BODY, _LEAST_INERTIA = 1e-9, 1e-14  # of J, and at all: MuJoCo wants a mo
 _BODY_SLACK = 1e-12  # of J: what rounding may leave of a body that has all the inertia
 _BRISTLE = ("sigma0", "sigma1", "Fc", "Fs", "vs")  # the numbers of `lugre`, in MuJoCo's order
 _LIGHT = 0.1  # of J: a body that is lighter loses the frictionloss of a slide
+_CREEPS = "is a constraint of MuJoCo's solver, which creeps under a force below break-away."
 _LIGHT_BODY = (
     "The frictionloss itself is lost: MuJoCo softens that of a slide by the mass of the body, whatever the armature. "
     "Give the body more of the mass, by `body_inertia`."
@@ -75,10 +83,10 @@ class MujocoJoint(eqx.Module):
         implicitfast farther from it (ten times and more in sliding, tests/exchange/test_mujoco.py).
         """
         step = min(self.timestep, 1e-3) if timestep is None else timestep
-        m = _text(self.trial_inertia)
+        m = exact(self.trial_inertia)
         actuators = "\n    ".join(self.actuators)
         return f"""<mujoco>
-  <option timestep="{_text(step)}" integrator="Euler" gravity="0 0 0"/>
+  <option timestep="{exact(step)}" integrator="Euler" gravity="0 0 0"/>
   <worldbody>
     <body>
       <inertial pos="0 0 0" mass="{m}" diaginertia="{m} {m} {m}"/>
@@ -129,9 +137,9 @@ def mujoco_joint(
         raise ValueError(f'`kind` is {kind!r}; it must be "hinge" or "slide".')
     if friction not in ("lugre", "frictionloss"):
         raise ValueError(f'`friction` is {friction!r}; it must be "lugre" or "frictionloss".')
-    result, drive = (drive, drive.drive) if isinstance(drive, FitResult) else (None, drive)
+    result, drive = parts_of(drive)
     lugre = friction == "lugre"
-    values = _numbers(drive, lugre)
+    values = numbers_of(drive, {"J", "Fc"} | ({"sigma0", "Fs", "vs"} if lugre else set()), "MuJoCo")
     J = values["J"]
     body_has_all = body_inertia is None and kind == "slide"
     if body_inertia is None:
@@ -146,27 +154,26 @@ def mujoco_joint(
     attributes = {
         "name": name,
         "type": kind,
-        "armature": _text(max(J - body_inertia, 0.0)),
-        "damping": _text(values["sigma2"]),
+        "armature": exact(max(J - body_inertia, 0.0)),
+        "damping": exact(values["sigma2"]),
     }
     if stiffness:
-        attributes["stiffness"] = _text(stiffness)
+        attributes["stiffness"] = exact(stiffness)
     if not lugre:
-        attributes["frictionloss"] = _text(values["Fc"])
-    motor = {"name": f"{name}_motor", "joint": name, "gear": _text(values["motor_constant"])}
-    actuators = [_element("motor", motor)]
+        attributes["frictionloss"] = exact(values["Fc"])
+    motor = {"name": f"{name}_motor", "joint": name, "gear": exact(values["motor_constant"])}
+    actuators = [element("motor", motor)]
     if lugre:
-        bristle = " ".join(_text(values[key]) for key in _BRISTLE)
+        bristle = " ".join(exact(values[key]) for key in _BRISTLE)
         dcmotor = {"name": f"{name}_friction", "joint": name, "input": "none", "motorconst": "0"}
-        actuators.append(_element("dcmotor", dcmotor | {"resistance": "1", "lugre": bristle}))
-    lost = () if lugre else _lost_friction(values)
+        actuators.append(element("dcmotor", dcmotor | {"resistance": "1", "lugre": bristle}))
+    lost = () if lugre else (lost_presliding(values, _CREEPS), lost_stribeck(values, "Fc"))
     if not lugre and kind == "slide" and body_inertia < _LIGHT * J:
         lost += (_LIGHT_BODY,)
-    rest = tuple(effect for effect in drive.effects if not isinstance(effect, ReturnSpring))
     return MujocoJoint(
-        joint=_element("joint", attributes),
+        joint=element("joint", attributes),
         actuators=tuple(actuators),
-        lost=(*lost, *(_lost(effect) for effect in rest if _acts(effect))),
+        lost=(*lost, *lost_effects(drive, (ReturnSpring,))),
         timestep=_STEP * _fastest(values) if lugre else math.inf,
         kind=kind,
         body_inertia=float(body_inertia),
@@ -185,73 +192,10 @@ def _stderrs(result: FitResult, *, lugre: bool, body_has_all: bool) -> dict[str,
         labels = {one.path: one.label for one in effect_layout(result.drive, defaultdict(float))}
         sums["stiffness"] = [labels[path] for path in springs]
     sums |= {name: [name] for name in _BRISTLE} if lugre else {"frictionloss": ["Fc"]}
-    return {name: _stderr(result, labels) for name, labels in sums.items()}
-
-
-def _stderr(result: FitResult, labels: list[str]) -> float:
-    """Standard error of the sum of the parameters `labels`; what was not free is known."""
-    found = result.stderr
-    if any(math.isinf(found.get(label, 0.0)) for label in labels):
-        return math.inf
-    free = [result.names.index(label) for label in labels if label in result.names]
-    # The correlation of a tied parameter with the others is not in a file: this is the bound over all correlations.
-    tied = sum(found[label] for label in labels if label in found and label not in result.names)
-    return math.sqrt(max(float(np.sum(result.covariance[np.ix_(free, free)])), 0.0)) + tied
-
-
-def _numbers(drive: Drive, lugre: bool) -> dict[str, float]:
-    """The base parameters by name, checked: divisors must be positive."""
-    numbers = {"J": drive.J, "motor_constant": drive.motor_constant}
-    numbers |= {p.name: getattr(drive.friction, p.name) for p in drive.friction.parameters}
-    arrays = [key for key, value in numbers.items() if np.ndim(value)]
-    arrays += [e.name for e in drive.effects for p in _parameters(e) if np.ndim(getattr(e, p.name))]
-    if arrays:
-        raise ValueError(
-            f"`drive` has arrays as parameters ({', '.join(arrays)}); MuJoCo takes one drive at a time."
-        )
-    values = {key: float(value) for key, value in numbers.items()}
-    positive = {"J", "Fc"} | ({"sigma0", "Fs", "vs"} if lugre else set())
-    for key, value in values.items():
-        free = key == "motor_constant"
-        if not math.isfinite(value) or (not free and value < 0.0) or (key in positive and value == 0.0):
-            must = "be finite" if free else "be positive" if key in positive else "not be negative"
-            raise InputError(f"`drive` has {key} = {value:g}; for MuJoCo it must {must}", cure="Fit it again")
-    return values
+    return {name: stderr_of_sum(result, dict.fromkeys(labels, 1.0)) for name, labels in sums.items()}
 
 
 def _fastest(values: dict[str, float]) -> float:
     """The faster time scale of the sticking bristle, s: of its spring or of its damping."""
     J, damping = values["J"], values["sigma1"] + values["sigma2"]
     return min(math.sqrt(J / values["sigma0"]), J / damping if damping else math.inf)
-
-
-def _lost_friction(values: dict[str, float]) -> tuple[str, ...]:
-    """What frictionloss cannot represent."""
-    return (
-        f"Presliding is lost: the bristle (sigma0 = {values['sigma0']:.6g}, sigma1 = {values['sigma1']:.6g}) is a "
-        "constraint of MuJoCo's solver, which creeps under a force below break-away.",
-        f"The Stribeck effect is lost: friction is Fc = {values['Fc']:.6g} at every speed, without the rise to "
-        f"Fs = {values['Fs']:.6g} below vs = {values['vs']:.6g}; stick-slip will not show.",
-    )
-
-
-def _parameters(effect: AbstractEffect) -> tuple[Parameter, ...]:
-    return effect.strengths + effect.nuisances
-
-
-def _acts(effect: AbstractEffect) -> bool:
-    return any(float(getattr(effect, parameter.name)) != 0.0 for parameter in effect.strengths)
-
-
-def _lost(effect: AbstractEffect) -> str:
-    numbers = ", ".join(f"{p.name} = {float(getattr(effect, p.name)):.6g}" for p in _parameters(effect))
-    return f"The effect {effect.name} is lost: {effect.about.sentence}, {effect.about.equation} ({numbers})."
-
-
-def _element(tag: str, attributes: dict[str, str]) -> str:
-    return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
-
-
-def _text(value: float) -> str:
-    """A number that reads back to the last bit."""
-    return repr(float(value))
