@@ -30,7 +30,7 @@ from frictionjax.diagnosis.verdict import (
 from frictionjax.exchange.table import Table
 from frictionjax.recordings import Plant
 from frictionjax.recordings.words import require_file, shown
-from frictionjax.report.fit_csv import COLUMNS, MORE_COLUMNS
+from frictionjax.report.fit_csv import COLUMNS
 from frictionjax.report.save import SCHEMA
 
 _AGAIN = "Diagnose the case again and save it with this version of frictionjax"
@@ -73,7 +73,10 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             mismatch=tuple(MismatchBin(**_numbered(entry.content)) for entry in root.listed("mismatch")),
             base=_estimates(root.table("base").table("parameters")),
             extended=_estimates(root.table("extended").table("parameters")),
-            recordings=tuple(_recording(folder, name, entry) for name, entry in root.table("fit").tables()),
+            recordings=tuple(
+                _recording(folder, name, entry, searched.content["residual_force_extended"][name])
+                for name, entry in root.table("fit").tables()
+            ),
             candidates=tuple(Candidate(**_numbered(entry.content)) for entry in root.listed("candidates")),
             warnings=tuple(root.content["warnings"]),
             seconds=dict(root.table("seconds").content),
@@ -143,9 +146,9 @@ def _estimates(table: Table) -> dict[str, Estimate]:
     }
 
 
-def _recording(folder: Path, name: str, entry: Table) -> RecordingFit:
-    role, drive = entry.text("role"), entry.text("drive")
-    columns = _csv(require_file(folder / entry.text("file")), drive)
+def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) -> RecordingFit:
+    """The recording of this `name`, whose extended model leaves the residual force `left`."""
+    role, columns = entry.text("role"), _csv(require_file(folder / entry.text("file")))
     errors = {
         f"{kind}_{model}": entry.table(model).number(kind)
         for model in ("base", "extended")
@@ -154,18 +157,19 @@ def _recording(folder: Path, name: str, entry: Table) -> RecordingFit:
     return RecordingFit(
         name=name,
         role=cast(Any, role),
-        drive=cast(Any, drive),
+        drive="motion" if "force" in columns else "force",
+        residual_force_extended=np.array([_number(force) for force in left]),
         noise_floor=entry.number("noise_floor"),
         **errors,
         **columns,
     )
 
 
-def _csv(path: Path, drive: str) -> dict[str, Float[np.ndarray, " n"]]:
+def _csv(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
     """The columns of a recording's file, shape `(n,)` each."""
-    needed = (*COLUMNS, *MORE_COLUMNS, *(("force",) if drive == "motion" else ()))
     with path.open(encoding="ascii", errors="replace") as stream:
         header = stream.readline().strip().split(",")
+        needed = COLUMNS if "force" not in header else (*COLUMNS, "force")
         lacking = [name for name in needed if name not in header]
         if lacking:
             raise InputError(f"there is no column `{lacking[0]}`", file=path, place="line 1", cure=_AGAIN)

@@ -25,7 +25,7 @@ from frictionjax.report.page import write_report
 from frictionjax.report.replace import CURE, FILES, VERDICT, put_in_place, refuse_foreign
 
 SCHEMA = "frictionjax.verdict/1"
-_BYTES_A_SAMPLE = 160  # of fit/*.csv, ten numbers of up to 15 characters and a sign
+_BYTES_A_SAMPLE = 176  # of fit/*.csv and comparisons.json, eleven numbers of up to 15 characters and a sign
 
 
 def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -128,7 +128,8 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """The content of comparisons.json, schema `frictionjax.comparisons/1`: every comparison of two models that the
-    search of the `diagnosis` made, with the rule and the effort of the search."""
+    search of the `diagnosis` made, with the rule and the effort of the search; and the residual force of the extended
+    model along each recording, for which fit/*.csv has no column."""
     content = {
         "schema": COMPARISONS,
         "case": diagnosis.case,
@@ -136,6 +137,10 @@ def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "effort": dataclasses.asdict(diagnosis.effort),
         "tables": [table_json(table) for table in diagnosis.comparisons],
         "experiments": {found.effect: found.next_experiment for found in diagnosis.missing},
+        "residual_force_extended": {
+            recording.name: [float(f"{force:.9g}") for force in recording.residual_force_extended.tolist()]
+            for recording in diagnosis.recordings
+        },
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)
@@ -234,14 +239,9 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
     return directory
 
 
-def _stem(recording: RecordingFit) -> str:
-    return re.sub(r"[/\\\0]", "_", recording.name)
-
-
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     return {
         "role": recording.role,
-        "drive": recording.drive,
         "noise_floor": recording.noise_floor,
         "base": {
             "free_run_rmse": recording.free_run_rmse_base,

@@ -93,9 +93,9 @@ def _file(folder, x, unit):
 
 
 def test_the_file_and_the_line_are_named(tmp_path):
-    x = TURNS["rad"] * (0.2 + 0.5 * T)
+    x = TURNS["rad"] * (0.2 + 0.47 * T)
     with pytest.warns(
-        FrictionjaxWarning, match=r"x jumps by a full turn once, first at line 1602, column `x`"
+        FrictionjaxWarning, match=r"x jumps by a full turn once, first at line 1705, column `x`"
     ):
         case = load_case(_file(tmp_path, x % TURNS["rad"], "rad"))
     np.testing.assert_allclose(case.recordings[0].x, x[:2000], atol=1e-6)

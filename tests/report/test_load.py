@@ -74,7 +74,7 @@ def test_what_is_not_finite_comes_back_as_such(tmp_path):
         (lambda c: c.pop("plant"), "field `plant`: the field is missing"),
         (lambda c: c.update(schema="frictionjax.verdict/0"), "the schema is .*verdict/0"),
         (lambda c: c.update(verdict="perfect"), "perfect is not a verdict"),
-        (lambda c: c["fit"]["only"].pop("drive"), "field `fit.only.drive`: the field is missing"),
+        (lambda c: c["fit"]["only"].pop("role"), "field `fit.only.role`: the field is missing"),
         (lambda c: c["unexplained"].update(more=1), "has other fields"),
         (
             lambda c: c["base"]["parameters"]["J"].update(value="a"),

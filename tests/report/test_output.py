@@ -208,7 +208,7 @@ def test_a_name_too_long_for_a_folder_is_a_sentence(tmp_path):
 def test_a_disk_without_room_for_the_result_is_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(save.shutil, "disk_usage", lambda path: types.SimpleNamespace(free=100_000))
     run = Recording("run", 1000.0, np.zeros(1000), np.zeros(1000))
-    with pytest.raises(InputError, match=r"no room for the result, which takes 0\.16 MB"):
+    with pytest.raises(InputError, match=r"no room for the result, which takes 0\.176 MB"):
         check_writable(tmp_path, Case("bench", Plant(), (run,)))
     check_writable(tmp_path, Case("bench", Plant(), ()))
 

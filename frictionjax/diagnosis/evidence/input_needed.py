@@ -3,10 +3,11 @@
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.data.batch import rows_of
 
 NOT_DRIVEN = (
     "u does not drive x: the model predicts the held-out recordings as well without any input. Check that u is the "
@@ -28,8 +29,13 @@ def input_is_needed(model: Model, predicted: View, scene: Scene, *, rule: Rule =
     """
     if scene.batch.imposed:
         return True
-    silent = eqx.tree_at(lambda s: s.batch.u, scene, np.zeros_like(np.asarray(scene.batch.u)))  # type: ignore[attr-defined]
-    without = held_out_error(view(model.judgement, silent), silent)
+    own, rows = model.judgement, np.flatnonzero(scene.held_out)
+    batch = rows_of(scene.batch, rows)  # type: ignore[arg-type]
+    silent = eqx.tree_at(lambda b: b.u, batch, np.zeros_like(np.asarray(batch.u)))
+    names = tuple(scene.names[row] for row in rows)
+    held_out = Scene(silent, scene.held_out[rows], scene.bandwidth, names)
+    alone = Judgement(own.drive, own.deflection[rows], own.power[rows], own.held_out[rows], silent)
+    without = held_out_error(view(alone, held_out), held_out)
     return is_worse(without, held_out_error(predicted, scene), rule=rule)
 
 
