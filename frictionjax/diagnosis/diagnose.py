@@ -19,6 +19,7 @@ from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_nee
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
+from frictionjax.diagnosis.findings.as_given import view_as_given
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
@@ -219,7 +220,9 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     missing = _missing(steps, decision.evidence, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
-    fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive)
+    beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
+    given = view_as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
+    fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive, given)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,

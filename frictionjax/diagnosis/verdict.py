@@ -159,8 +159,9 @@ class RecordingFit(eqx.Module):
     `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
     lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
     errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`. With `drive = "motion"` the four model columns and the errors are those of the force, in
-    force units, and `force` is the measured one.
+    `prediction_rmse_extended`, and those of the user's own model as it was given, `free_run_rmse_given` and
+    `prediction_rmse_given` (None where the case does not give all of it). With `drive = "motion"` the four model
+    columns and the errors are those of the force, in force units, and `force` is the measured one.
     """
 
     name: str = eqx.field(static=True)
@@ -182,6 +183,8 @@ class RecordingFit(eqx.Module):
     prediction_rmse_extended: float = eqx.field(static=True)
     drive: Literal["force", "motion"] = eqx.field(static=True, default="force")
     force: Float[np.ndarray, " n"] | None = None
+    free_run_rmse_given: float | None = eqx.field(static=True, default=None)
+    prediction_rmse_given: float | None = eqx.field(static=True, default=None)
 
 
 class Diagnosis(AbstractDisplayed):

@@ -154,6 +154,11 @@ def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) 
         for model in ("base", "extended")
         for kind in ("free_run_rmse", "prediction_rmse")
     }
+    if "given" in entry.content:
+        errors |= {
+            f"{kind}_given": entry.table("given").number(kind)
+            for kind in ("free_run_rmse", "prediction_rmse")
+        }
     return RecordingFit(
         name=name,
         role=cast(Any, role),

@@ -240,6 +240,12 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
 
 
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
+    given: dict[str, Any] = {}
+    if recording.prediction_rmse_given is not None:
+        given["given"] = {
+            "free_run_rmse": recording.free_run_rmse_given,
+            "prediction_rmse": recording.prediction_rmse_given,
+        }
     return {
         "role": recording.role,
         "noise_floor": recording.noise_floor,
@@ -251,6 +257,7 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
             "free_run_rmse": recording.free_run_rmse_extended,
             "prediction_rmse": recording.prediction_rmse_extended,
         },
+        **given,
     }
 
 

@@ -22,6 +22,7 @@ GRAVITY = effect("GravityPendulum", sine=SINE)
 ARM = Drive(0.35, LuGre(sigma0=900.0, sigma1=6.0, sigma2=0.08, Fc=0.65, Fs=0.8, vs=0.05), effects=(GRAVITY,))
 """An arm whose gravity is seventeen times its friction."""
 UNITS = {"force": "N*m", "position": "rad", "input": "N*m"}
+LUGRE = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
 NAMED = GivenModel(effects=(GivenEffect("gravity_pendulum"),))
 
 
@@ -70,8 +71,7 @@ def test_what_is_given_is_in_the_drive(arm):
 
 
 def test_a_model_with_all_values_is_complete(arm):
-    names = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
-    values = {name: Given(float(getattr(ARM.friction, name))) for name in names} | {"J": Given(0.35)}
+    values = {name: Given(float(getattr(ARM.friction, name))) for name in LUGRE} | {"J": Given(0.35)}
     gravity = GivenEffect("gravity_pendulum", values={"sine": Given(SINE)})
     assert own_model(_with(arm, parameters=values, effects=(gravity,))).complete
     assert not own_model(_with(arm, parameters=values, effects=(GivenEffect("gravity_pendulum"),))).complete
@@ -143,10 +143,18 @@ def test_gravity_that_is_known_to_act_is_found_and_what_is_fixed_stays(arm):
 
 @pytest.mark.slow
 def test_what_the_user_s_model_lacks_is_named():
-    """A ripple beside gravity; gravity itself is never named."""
+    """A ripple beside gravity; gravity itself is never named. The model as given errs more than the refitted one."""
     ripple = effect("Ripple", sine=0.12, period=0.31)
-    case = Case("arm", Plant(1.0, "rad", "N*m", "N*m"), swings(ARM.with_effects(ripple)), NAMED)
+    values = {name: Given(1.2 * float(getattr(ARM.friction, name))) for name in LUGRE}
+    gravity = GivenEffect("gravity_pendulum", values={"sine": Given(0.95 * SINE)})
+    model = GivenModel(values | {"J": Given(0.4)}, (gravity,))
+    case = Case("arm", Plant(1.0, "rad", "N*m", "N*m"), swings(ARM.with_effects(ripple)), model)
     found = diagnose(case)
+    for one in found.recordings:
+        errors = (one.prediction_rmse_extended, one.prediction_rmse_base, one.prediction_rmse_given)
+        assert list(errors) == sorted(errors), one.name
+        assert one.free_run_rmse_given is not None
+    assert "with your model as given it is" in found.summary
     assert found.verdict == "named"
     assert [one.effect for one in found.missing] == ["ripple"]
     assert found.extended["period"].value == pytest.approx(0.31, rel=0.01)

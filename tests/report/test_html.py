@@ -19,6 +19,7 @@ from frictionjax.diagnosis.verdict import Candidate, MismatchBin, Unexplained
 from frictionjax.recordings import Plant
 from frictionjax.report.canvas import drawing
 from frictionjax.report.figures import comparison, residual
+from frictionjax.report.format import quantity
 from frictionjax.report.page import render
 from frictionjax.report.sections.candidates import Candidates
 from frictionjax.report.sections.mismatch import Mismatch
@@ -144,6 +145,16 @@ def test_an_imposed_motion_is_judged_in_force_units():
     page = Page(render(replace(fake_diagnosis(), recordings=(recording,))))
     assert "nN·m" in page.visible  # the size of the prediction error, now a force
     assert "nrad" not in page.visible
+
+
+def test_the_user_s_own_model_as_given_has_columns_of_its_own():
+    found = fake_diagnosis()
+    given = replace(found.recordings[0], prediction_rmse_given=0.123456, free_run_rmse_given=0.234567)
+    page = render(replace(found, recordings=(given,)))
+    assert "your model as given" in page
+    for error in (0.123456, 0.234567):
+        assert quantity(error, found.plant.position_unit) in page
+    assert "your model as given" not in render(found)
 
 
 def test_bins_that_are_not_significant_are_grey(page):

@@ -35,13 +35,17 @@ def _full():
     )
     return dataclasses.replace(
         found,
-        recordings=(*found.recordings, fake_recording("a/b", n=200, drive="motion")),
+        recordings=(*map(_as_given, found.recordings), fake_recording("a/b", n=200, drive="motion")),
         missing=(missing,),
         comparisons=(table,),
         rule=Rule(limits=Limits(one=0.0625)),
         effort=Effort(rounds=2, screening=Screening(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
     )
+
+
+def _as_given(recording):
+    return dataclasses.replace(recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125)
 
 
 @pytest.mark.parametrize("make", [_full, fake_diagnosis, adequate_diagnosis])

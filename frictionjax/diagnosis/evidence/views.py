@@ -213,7 +213,12 @@ def _rmse(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> 
 
 
 def recording_fits(
-    recordings: tuple[Recording, ...], scene: Scene, base: View, extended: View, base_drive: Drive
+    recordings: tuple[Recording, ...],
+    scene: Scene,
+    base: View,
+    extended: View,
+    base_drive: Drive,
+    given: View | None = None,
 ) -> tuple[RecordingFit, ...]:
     """One `RecordingFit` per recording.
 
@@ -223,6 +228,7 @@ def recording_fits(
     - `scene`: the same recordings, in arrays.
     - `base`, `extended`: what the two models predict.
     - `base_drive`: for the standard deviation of the residual force.
+    - `given`: what the user's own model predicts, as it was given; None where there is none.
     """
     fits = []
     for row, recording in enumerate(recordings):
@@ -259,6 +265,10 @@ def recording_fits(
                 prediction_rmse_extended=_rmse(extended.ahead[row, scored], measured[scored]),
                 drive=recording.drive,
                 force=recording.force if recording.drive == "motion" else None,
+                free_run_rmse_given=None if given is None else _rmse(given.free[row, :n], measured),
+                prediction_rmse_given=None
+                if given is None
+                else _rmse(given.ahead[row, scored], measured[scored]),
             )
         )
     return tuple(fits)

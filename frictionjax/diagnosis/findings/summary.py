@@ -76,5 +76,10 @@ def _held_out(fits: tuple[RecordingFit, ...]) -> str:
     )
     return (
         f"On the held-out recording {best.name} the prediction error 0.1 s ahead {verb} from "
-        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})."
+        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})"
+        + (
+            "."
+            if best.prediction_rmse_given is None
+            else f"; with your model as given it is {best.prediction_rmse_given:.3g}."
+        )
     )

@@ -32,6 +32,8 @@ class Comparison(AbstractSection):
         extended = is_extended(diagnosis)
         rows = [_row(recording, diagnosis.plant, extended) for recording in recordings]
         head = ("recording", "role", "noise floor", "prediction error", "free-run error")
+        if any(recording.prediction_rmse_given is not None for recording in recordings):
+            head += ("your model as given: prediction error", "free-run error")
         pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
         closer = "the extension improves the fit most" if extended else "the model fits worst"
         if extended and diagnosis.verdict == "unknown":
@@ -47,10 +49,12 @@ def _row(recording: RecordingFit, plant: Plant, extended: bool) -> tuple[str, ..
         base, now = map(text, quantities([before, after], unit))
         return pair(base, now if extended else None)
 
+    given = (recording.prediction_rmse_given, recording.free_run_rmse_given)
     return (
         text(recording.name),
         "held out" if recording.role == "holdout" else "fit",
         text(quantity(recording.noise_floor, unit)),
         change(recording.prediction_rmse_base, recording.prediction_rmse_extended),
         change(recording.free_run_rmse_base, recording.free_run_rmse_extended),
+        *(text(quantity(error, unit)) for error in given if error is not None),
     )
