@@ -7,17 +7,18 @@ from jaxtyping import Float
 
 from frictionjax.recordings.recording import Recording
 
-_CHANGED = 0.01  # part of the changes of speed that may differ in a copy
-_LEAST = 6  # such changes that may differ in a short one: two samples that were changed
-_FIRST_LOOK = 250  # changes that are compared first
+_CHANGED = 0.01  # part of the bends of a position that may differ in a copy
+_LEAST = 6  # such bends that may differ in a short one: two samples that were changed
+_ENOUGH = 10  # times as many bends must there be: a straight line is like any other
+_FIRST_LOOK = 250  # places that are compared first
 
 
 def copied_from(kept: Recording, fitted: Sequence[Recording]) -> Recording | None:
     """The recording of which `kept` is a copy, but for an offset and few samples; None where there is none.
 
     Two runs of one experiment never agree to the last digit while the machine moves: noise, and the moments when an
-    encoder counts, differ. So what is compared is the second differences of the position, where there are any: two
-    recordings of one constant speed without noise are no copies. A copy may be shorter, from the first sample on.
+    encoder counts, differ. So what is compared is the second differences of the position, wherever either recording has
+    one; at rest and at a constant velocity there is none. A copy may be shorter, from the first sample on.
 
     **Arguments:**
 
@@ -33,25 +34,19 @@ def copied_from(kept: Recording, fitted: Sequence[Recording]) -> Recording | Non
 def _is_copy(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " m"]) -> bool:
     size = min(one.size, other.size)
     one, other = one[:size], other[:size]
-    # A few show of most pairs that they differ: hundreds of recordings make thousands of pairs.
+    # A few places show of most pairs that they differ: hundreds of recordings make thousands of pairs.
     few = np.arange(0, size - 2, max(size // _FIRST_LOOK, 1))
-    one_few, other_few = (x[few + 2] - 2.0 * x[few + 1] + x[few] for x in (one, other))
-    changed, _ = _differing(one_few, other_few, _rounding(one[few], other[few]), 0.5)
-    if changed:
+    rounding = 8.0 * float(np.spacing(max(np.abs(one).max(), np.abs(other).max())))
+    bent, changed = _compared(*(x[few + 2] - 2.0 * x[few + 1] + x[few] for x in (one, other)), rounding)
+    if changed > max(0.5 * bent, _LEAST):
         return False
-    changed, some = _differing(np.diff(one, 2), np.diff(other, 2), _rounding(one, other), _CHANGED)
-    return some and not changed
+    bent, changed = _compared(np.diff(one, 2), np.diff(other, 2), rounding)
+    return bent > _ENOUGH * _LEAST and changed <= max(_CHANGED * bent, _LEAST)
 
 
-def _rounding(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> float:
-    """How far two second differences of positions that are the same may differ."""
-    return 8.0 * float(np.spacing(max(np.abs(one).max(), np.abs(other).max())))
-
-
-def _differing(
-    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rounding: float, part: float
-) -> tuple[bool, bool]:
-    """Whether more than a `part` of the changes of speed differ, and more than a few; and whether there are any."""
-    there = (np.abs(first) > rounding) | (np.abs(second) > rounding)
-    differ, whole = np.count_nonzero(np.abs(first - second)[there] > rounding), np.count_nonzero(there)
-    return bool(differ > max(part * whole, _LEAST)), bool(whole > 0)
+def _compared(
+    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rounding: float
+) -> tuple[int, int]:
+    """How many of the second differences are not zero in one of the recordings, and how many of these differ."""
+    bent = (np.abs(first) > rounding) | (np.abs(second) > rounding)
+    return int(np.count_nonzero(bent)), int(np.count_nonzero(np.abs(first - second)[bent] > 2.0 * rounding))

@@ -231,8 +231,9 @@ def recorded(x, role="fit"):
     return Recording("run", 1000.0, np.ones(x.size), x, role=role)
 
 
-def test_a_copy_is_known_by_its_steps():
-    """One of a quantised position but for a few counts, shifted, or shorter; another run of the same is none."""
+def test_a_copy_is_known_by_its_second_differences():
+    """One of a quantised position but for a few counts, shifted, or shorter; another run of the same is none, nor is
+    another constant velocity."""
     t = np.arange(4000) / 1000.0
     moves = 40.0 * np.sin(6.0 * t) * (t > 1.0)
     run, again = (np.rint(moves + np.random.default_rng(seed).normal(0.0, 0.3, t.size)) for seed in range(2))
@@ -244,6 +245,8 @@ def test_a_copy_is_known_by_its_steps():
     third = np.rint(moves + np.random.default_rng(2).normal(0.0, 0.3, t.size))
     assert copied_from(recorded(third, "holdout"), fitted) is None
     assert copied_from(recorded(run[::-1].copy(), "holdout"), fitted) is None
+    line = np.arange(4000.0)
+    assert copied_from(recorded(line + 5.0, "holdout"), [recorded(line)]) is None
 
 
 def test_a_copy_of_one_count_is_refused(tmp_path):
