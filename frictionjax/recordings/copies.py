@@ -14,7 +14,7 @@ _FIRST_LOOK = 250  # places that are compared first
 
 
 def copied_from(kept: Recording, fitted: Sequence[Recording]) -> Recording | None:
-    """The recording of which `kept` is a copy, but for an offset and few samples; None where there is none.
+    """The recording of which `kept` is a copy, but for few samples; None where there is none.
 
     Two runs of one experiment never agree to the last digit while the machine moves: noise, and the moments when an
     encoder counts, differ. So what is compared is the second differences of the position, wherever either recording has
@@ -39,6 +39,8 @@ def _is_copy(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " m"]) -> bo
     rounding = 8.0 * float(np.spacing(max(np.abs(one).max(), np.abs(other).max())))
     bent, changed = _compared(*(x[few + 2] - 2.0 * x[few + 1] + x[few] for x in (one, other)), rounding)
     if changed > max(0.5 * bent, _LEAST):
+        return False
+    if abs(float(np.median(one - other))) > rounding:
         return False
     bent, changed = _compared(np.diff(one, 2), np.diff(other, 2), rounding)
     return bent > _ENOUGH * _LEAST and changed <= max(_CHANGED * bent, _LEAST)
