@@ -18,7 +18,8 @@ def copied_from(kept: Recording, fitted: Sequence[Recording]) -> Recording | Non
 
     Two runs of one experiment never agree to the last digit while the machine moves: noise, and the moments when an
     encoder counts, differ. So what is compared is the second differences of the position, wherever either recording has
-    one; at rest and at a constant velocity there is none. A copy may be shorter, from the first sample on.
+    one; at rest and at a constant velocity there is none. A copy has the same input, or force, and may be shorter, from
+    the first sample on.
 
     **Arguments:**
 
@@ -26,9 +27,16 @@ def copied_from(kept: Recording, fitted: Sequence[Recording]) -> Recording | Non
     - `fitted`: the recordings to fit.
     """
     for other in fitted:
-        if np.array_equal(kept.x, other.x) or _is_copy(kept.x, other.x):
+        if np.array_equal(kept.x, other.x) or (_same_input(kept, other) and _is_copy(kept.x, other.x)):
             return other
     return None
+
+
+def _same_input(kept: Recording, other: Recording) -> bool:
+    """Whether what acted was the same, at all but few samples: a motion without noise may repeat itself."""
+    first, second = ((r.u if r.force is None else r.force) for r in (kept, other))
+    size = min(first.size, second.size)
+    return bool(np.mean(first[:size] != second[:size]) <= _CHANGED)
 
 
 def _is_copy(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " m"]) -> bool:

@@ -1,5 +1,6 @@
 """What a file may cost is limited before it is read, and a damaged one never ends the process."""
 
+import dataclasses
 import gzip
 import os
 import struct
@@ -246,6 +247,8 @@ def test_a_copy_is_known_by_its_second_differences():
     assert copied_from(recorded(third, "holdout"), fitted) is None
     assert copied_from(recorded(run[::-1].copy(), "holdout"), fitted) is None
     assert copied_from(recorded(changed + 1.0, "holdout"), fitted) is None
+    other_input = dataclasses.replace(recorded(changed, "holdout"), u=t)
+    assert copied_from(other_input, fitted) is None
     line = np.rint(0.7 * np.arange(4000.0))
     assert copied_from(recorded(line + 7.0, "holdout"), [recorded(line)]) is None
 
