@@ -1,6 +1,7 @@
 """What a fit is given: a case in any form, and what its case knows of the machine, which no drive may contradict."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -66,6 +67,34 @@ def test_a_drive_that_contradicts_its_case_is_refused(form):
         fj.fit(fj.Drive(0.1, FRICTION), forms[form])
     with pytest.raises(fj.InputError, match=r"J is 2, and the case of the data has inertia = 0.1, 20 times"):
         fj.fit(fj.Drive(2.0, FRICTION, 16.0), forms[form])
+
+
+class _Reached(Exception):
+    """The descent of a fit, which is not made here."""
+
+
+@pytest.mark.parametrize(
+    ("asked", "free"),
+    [
+        ({}, False),
+        ({"free": ("J", "Fc")}, True),
+        ({"priors": {"J": (0.1, 0.01)}}, True),
+        ({"known_inertia": False}, True),
+    ],
+)
+def test_a_fit_keeps_the_inertia_that_its_case_knows(asked, free, monkeypatch):
+    reached = []
+
+    def descent(posterior, *_):
+        reached.append(posterior)
+        raise _Reached
+
+    monkeypatch.setattr(sys.modules["frictionjax.estimation.fit"], "_best", descent)
+    with pytest.raises(_Reached):
+        fj.fit(fj.Drive(0.1, FRICTION, 16.0), _case(), own_starts=False, **asked)
+    labels = [one.label for one in reached[0].constraints.layout]
+    assert ("J" in labels) is free
+    assert "Fc" in labels
 
 
 def test_many_fits_are_refused_alike():
