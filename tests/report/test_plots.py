@@ -212,3 +212,25 @@ def test_a_batch_is_refused_with_how_to_draw_one(result):
     batch = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), result)
     with pytest.raises(fj.InputError, match=r"is a batch of shape \(2,\).*leaf\[i\]"):
         batch.plot()
+
+
+def test_a_first_picture_leaves_pyplot_as_interactive_as_it_was(monkeypatch):
+    """In a notebook the first figure makes pyplot interactive, and without that no later one is shown."""
+    plt.ioff()
+    figure = plt.figure
+
+    def first(*args, **kwargs):
+        plt.ion()
+        return figure(*args, **kwargs)
+
+    monkeypatch.setattr(plt, "figure", first)
+    PATH.plot()
+    interactive = plt.isinteractive()
+    plt.ioff()
+    assert interactive
+
+
+def test_a_picture_that_fails_leaves_no_figure():
+    with pytest.raises(fj.InputError):
+        jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), PATH).plot()
+    assert plt.get_fignums() == []

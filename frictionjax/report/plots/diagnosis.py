@@ -12,24 +12,22 @@ from frictionjax.diagnosis.verdict import MismatchBin, RecordingFit
 from frictionjax.report.canvas import BAND, BASE, EXTENDED, band, line
 from frictionjax.report.figures import answer_of
 from frictionjax.report.format import engineering, quantity, words
-from frictionjax.report.plots.sheet import labelled, legend, new_axes
+from frictionjax.report.plots.sheet import Place, labelled, legend, new_axes
 from frictionjax.report.series import holdout_first, is_extended, limits, zoom
 
 _MOST_BINS = 12
 
 
-def draw_diagnosis(
-    diagnosis: Diagnosis, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
+def draw_diagnosis(diagnosis: Diagnosis, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
     """Prediction errors and residual force of the recording that shows most of a `diagnosis`, and the axis of its map
-    where the mismatch is; `axes` as in `plot`, `units` are those of the case.
+    where the mismatch is; `place` as in `new_axes`, `units` are those of the case.
 
     **Raises:** `InputError` for a diagnosis without recordings.
     """
     if not diagnosis.recordings:
         raise InputError("the diagnosis has no recordings", place="`result`", cure="Diagnose a case again")
     mapped = [["error", "error", "where"], ["force", "force", "where"]]
-    panels = new_axes(mapped if diagnosis.mismatch else [["error"], ["force"]], axes, ("error", "force"))
+    panels = new_axes(mapped if diagnosis.mismatch else [["error"], ["force"]], place, ("error", "force"))
     extended = is_extended(diagnosis)
     recording = _telling(diagnosis)
     _errors(panels["error"], diagnosis, recording, extended)

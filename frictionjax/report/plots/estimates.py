@@ -1,6 +1,6 @@
 """What a fit found: the friction that it describes, and how its estimates depend on each other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from frictionjax.report.canvas import BAND, EXTENDED, MEASURED
 from frictionjax.report.format import engineering
 from frictionjax.report.plots.sheet import (
     COLOURS,
+    Place,
     error_band,
     labelled,
     legend,
@@ -30,11 +31,10 @@ _QUARTER = 100  # samples of a quarter of a loop
 _CYCLES = 6  # until the loop is closed; the last one is drawn
 
 
-def draw_fit(
-    result: FitResult, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Friction against velocity, presliding loops and correlations of a `result`; `axes` and `units` as in `plot`."""
-    panels = new_axes([["stribeck", "loops", "correlation"]], axes)
+def draw_fit(result: FitResult, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Friction against velocity, presliding loops and correlations of a `result`; `place` as in `new_axes`,
+    `units` as in `plot`."""
+    panels = new_axes([["stribeck", "loops", "correlation"]], place)
     known = units_of({**_units_of(result), **(units or {})})
     _stribeck(panels["stribeck"], result, known)
     _loops(panels["loops"], result, known)
@@ -42,11 +42,10 @@ def draw_fit(
     return panels
 
 
-def draw_profile(
-    profile: Profile, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Deviance of a `profile` with the parabola of its standard error; `axes` as in `plot`, `units` are not needed."""
-    panels = new_axes([["deviance"]], axes)
+def draw_profile(profile: Profile, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Deviance of a `profile` with the parabola of its standard error; `place` as in `new_axes`, `units` are
+    not needed."""
+    panels = new_axes([["deviance"]], place)
     panel = panels["deviance"]
     order = np.argsort(profile.values)
     values, deviance = profile.values[order], profile.deviance[order]

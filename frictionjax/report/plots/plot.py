@@ -1,6 +1,7 @@
 """`plot`: the picture that suits a result."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from frictionjax.report.canvas import drawing
 from frictionjax.report.plots.diagnosis import draw_diagnosis
 from frictionjax.report.plots.estimates import draw_fit, draw_profile
 from frictionjax.report.plots.responses import draw_frf, draw_second_order
+from frictionjax.report.plots.sheet import new_figure
 from frictionjax.report.plots.signals import draw_trajectory
 from frictionjax.report.plots.studies import draw_comparison, draw_levels, draw_study
 from frictionjax.simulation import Trajectory
@@ -71,5 +73,5 @@ def plot(
             place="`result`",
             cure=f"Give one of: {', '.join(kind.__name__ for kind in _DRAW)}.",
         )
-    with drawing():
-        return tuple(draw(result, axes, units).values())
+    with new_figure() if axes is None else nullcontext(axes) as place, drawing():
+        return tuple(draw(result, place, units).values())

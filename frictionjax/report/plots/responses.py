@@ -1,6 +1,6 @@
 """Frequency responses: what was measured, and the second-order system that fits it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -10,15 +10,14 @@ from frictionjax.core import InputError
 from frictionjax.frequency import FRF
 from frictionjax.frequency.sanathanan_koerner import SKResult
 from frictionjax.report.canvas import BAND, EXTENDED, MEASURED
-from frictionjax.report.plots.sheet import labelled, legend, new_axes, units_of
+from frictionjax.report.plots.sheet import Place, labelled, legend, new_axes, units_of
 
 _LEAST = 1e-6  # of the largest magnitude: what lies below it is rounding
 
 
-def draw_frf(
-    frf: FRF, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Magnitude with twice its standard deviation, phase and coherence of `frf`; `axes` and `units` as in `plot`."""
+def draw_frf(frf: FRF, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Magnitude with twice its standard deviation, phase and coherence of `frf`; `place` as in `new_axes`,
+    `units` as in `plot`."""
     frequency = np.asarray(frf.frequency)
     if frequency.ndim != 1:
         raise InputError(
@@ -26,7 +25,7 @@ def draw_frf(
             place="`result`",
             cure="Draw one of it: `jax.tree.map(lambda leaf: leaf[i], frf).plot()`.",
         )
-    panels = new_axes([["magnitude"], ["phase"], ["coherence"]], axes, ("magnitude", "phase", "coherence"))
+    panels = new_axes([["magnitude"], ["phase"], ["coherence"]], place, ("magnitude", "phase", "coherence"))
     response, std = np.asarray(frf.response), np.asarray(frf.std)
     shown = (frequency > 0.0) & np.isfinite(std) & (np.abs(response) > 0.0)
     _measured(panels, frequency[shown], response[shown], std[shown])
@@ -38,11 +37,9 @@ def draw_frf(
     return panels
 
 
-def draw_second_order(
-    found: SKResult, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Measured and fitted response of `found`, magnitude and phase; `axes` and `units` as in `plot`."""
-    panels = new_axes([["magnitude"], ["phase"]], axes, ("magnitude", "phase"))
+def draw_second_order(found: SKResult, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Measured and fitted response of `found`, magnitude and phase; `place` as in `new_axes`, `units` as in `plot`."""
+    panels = new_axes([["magnitude"], ["phase"]], place, ("magnitude", "phase"))
     _measured(panels, found.frequency, found.measured, found.std)
     panels["magnitude"].loglog(found.frequency, np.abs(found.response), color=EXTENDED, label="second order")
     panels["phase"].semilogx(found.frequency, _degrees(found.response), color=EXTENDED)

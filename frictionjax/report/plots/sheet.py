@@ -1,15 +1,19 @@
 """The figure that a picture is drawn on: pyplot, which shows it in a notebook, is loaded when the first is made."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from frictionjax.core import InputError
-from frictionjax.report.canvas import drawing
 from frictionjax.report.format import unit_text
+
+Place = Sequence[Axes] | Axes | Figure
+"""Where to draw: the caller's own axes, one a panel, or an empty figure."""
 
 Panels = Sequence[Sequence[str]]
 """The names of the panels, row by row; one that occurs several times covers all its places, "." stays empty."""
@@ -19,22 +23,37 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#2
 """Okabe and Ito's colours, for series that have no colour of their own."""
 
 
-def new_axes(
-    panels: Panels, axes: Sequence[Axes] | Axes | None, shared: Sequence[str] = ()
-) -> dict[str, Axes]:
+@contextmanager
+def new_figure() -> Iterator[Figure]:
+    """An empty figure of pyplot, which a notebook shows; closed again when drawing fails.
+
+    It must be made before the report's style is set: with the first figure a notebook also sets what pyplot shows of
+    itself, and a style that ends would undo that.
+    """
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(layout="constrained")
+    try:
+        yield figure
+    except BaseException:
+        plt.close(figure)
+        raise
+
+
+def new_axes(panels: Panels, place: Place, shared: Sequence[str] = ()) -> dict[str, Axes]:
     """The axes of each panel by its name.
 
     **Arguments:**
 
-    - `panels`: their arrangement in a new figure.
-    - `axes`: the caller's own, in the order of the names; None: a new figure.
+    - `panels`: their arrangement in an empty figure.
+    - `place`: that figure, or the caller's own axes, in the order of the names.
     - `shared`: names of panels that share their horizontal axis.
 
-    **Raises:** `InputError` when the number of `axes` is not that of the panels.
+    **Raises:** `InputError` when the number of axes is not that of the panels.
     """
     names = list(dict.fromkeys(name for row in panels for name in row if name != "."))
-    if axes is not None:
-        own = [axes] if isinstance(axes, Axes) else list(np.ravel(np.asarray(axes, dtype=object)))
+    if not isinstance(place, Figure):
+        own = [place] if isinstance(place, Axes) else list(np.ravel(np.asarray(place, dtype=object)))
         if len(own) != len(names):
             raise InputError(
                 f"there are {len(own)} axes for {len(names)} panels",
@@ -42,17 +61,14 @@ def new_axes(
                 cure=f"Give one for each of: {', '.join(names)}.",
             )
         return dict(zip(names, own, strict=True))
-    import matplotlib.pyplot as plt
-
     width, height = STACKED if len(panels) > 1 and len(panels[0]) == 1 else PANEL
-    size = (width * len(panels[0]) + 0.6, height * len(panels) + 0.3)
-    with drawing():
-        figure, found = plt.subplot_mosaic([list(row) for row in panels], figsize=size, layout="constrained")
+    place.set_size_inches(width * len(panels[0]) + 0.6, height * len(panels) + 0.3)
+    place.set_dpi(110)
+    found = place.subplot_mosaic([list(row) for row in panels])
     for name in shared[1:]:
         found[name].sharex(found[shared[0]])
     for name in shared[:-1]:
         found[name].tick_params(labelbottom=False)
-    figure.set_dpi(110)
     return {name: found[name] for name in names}
 
 

@@ -1,21 +1,19 @@
 """A simulated experiment over time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from frictionjax.core import InputError
 from frictionjax.report.format import engineering
-from frictionjax.report.plots.sheet import COLOURS, labelled, new_axes, per_second, units_of
+from frictionjax.report.plots.sheet import COLOURS, Place, labelled, new_axes, per_second, units_of
 from frictionjax.report.series import envelope
 from frictionjax.simulation import Trajectory
 
 
-def draw_trajectory(
-    path: Trajectory, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Position, velocity and friction force of a `path` over time; `axes` and `units` as in `plot`."""
+def draw_trajectory(path: Trajectory, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Position, velocity and friction force of a `path` over time; `place` as in `new_axes`, `units` as in `plot`."""
     t = np.asarray(path.t)
     if t.ndim != 1:
         raise InputError(
@@ -23,7 +21,7 @@ def draw_trajectory(
             place="`result`",
             cure="Draw one of it: `jax.tree.map(lambda leaf: leaf[i], path).plot()`.",
         )
-    panels = new_axes([["x"], ["v"], ["friction"]], axes, ("x", "v", "friction"))
+    panels = new_axes([["x"], ["v"], ["friction"]], place, ("x", "v", "friction"))
     known = units_of(units)
     speed = per_second(known["position"])
     rows = (

@@ -8,18 +8,16 @@ from matplotlib.axes import Axes
 
 from frictionjax.core import InputError
 from frictionjax.report.canvas import BAND
-from frictionjax.report.plots.sheet import COLOURS, labelled, legend, new_axes, units_of
+from frictionjax.report.plots.sheet import COLOURS, Place, labelled, legend, new_axes, units_of
 from frictionjax.studies import EstimatorComparison, LevelSweep, Study
 
 _ACROSS = 3  # panels in a row
 _LONG = 10.0  # from this ratio of its ends on an axis is logarithmic
 
 
-def draw_study(
-    study: Study, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
+def draw_study(study: Study, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
     """Mean and standard error of each number of a `study` over the first entry of its cases that varies; where none
-    does, the values of the seeds. `axes` as in `plot`; `units`: name of a number or an entry -> its unit.
+    does, the values of the seeds. `place` as in `new_axes`; `units`: name of a number or an entry -> its unit.
 
     **Raises:** `InputError` for a study without a finished run.
     """
@@ -28,7 +26,7 @@ def draw_study(
         raise InputError("the study has no finished run", place="`result`", cure="Look at its `failures`")
     numbers = [name for name in rows[0] if f"{name}_stderr" in rows[0]]
     varied = [name for name in study.settings if len({str(row.get(name)) for row in rows}) > 1]
-    panels = new_axes(_rows_of(numbers), axes)
+    panels = new_axes(_rows_of(numbers), place)
     for name in numbers:
         if varied:
             _over(panels[name], rows, name, varied, units or {})
@@ -67,12 +65,10 @@ def _seeds(panel: Axes, study: Study, name: str, units: Mapping[str, str]) -> No
     panel.set(xlabel="seed", ylabel=labelled(name, units.get(name, "1")))
 
 
-def draw_levels(
-    sweep: LevelSweep, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
-) -> dict[str, Axes]:
-    """Stiffness over the level of the excitation, mean and standard deviation over the seeds of a `sweep`; `axes` and
-    `units` as in `plot`."""
-    panels = new_axes([["stiffness"]], axes)
+def draw_levels(sweep: LevelSweep, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Stiffness over the level of the excitation, mean and standard deviation over the seeds of a `sweep`; `place` as
+    in `new_axes`, `units` as in `plot`."""
+    panels = new_axes([["stiffness"]], place)
     panel, known = panels["stiffness"], units_of(units)
     for colour, kind in zip(COLOURS, sweep.excitations, strict=False):
         panel.errorbar(
@@ -93,12 +89,12 @@ def draw_levels(
 
 
 def draw_comparison(
-    comparison: EstimatorComparison, axes: Sequence[Axes] | Axes | None, units: Mapping[str, str] | None
+    comparison: EstimatorComparison, place: Place, units: Mapping[str, str] | None
 ) -> dict[str, Axes]:
     """Scatter of each estimator of a `comparison` over the Cramer-Rao bound, one panel a parameter, over the noise;
-    `axes` and `units` as in `plot`."""
+    `place` as in `new_axes`, `units` as in `plot`."""
     names = comparison.parameters
-    panels = new_axes(_rows_of(names), axes)
+    panels = new_axes(_rows_of(names), place)
     noise, ratio = comparison.noise, comparison.std / comparison.bound
     position = units_of({"position": "m"} | dict(units or {}))["position"]
     for p, name in enumerate(names):
