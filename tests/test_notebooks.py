@@ -1,15 +1,16 @@
-"""The notebooks: committed without outputs, and executed in their small setting."""
+"""The notebooks: executed in their small setting, and committed without outputs or with those of a whole run."""
 
 import json
 import os
 import sys
+import types
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 import pytest
-from helpers_diagnosis import fake_diagnosis
+from helpers_diagnosis import fake_diagnosis, fake_recording
 from nbclient import NotebookClient
 
 import frictionjax as fj
@@ -22,15 +23,131 @@ def test_there_is_the_paper():
     assert "01_the_paper.ipynb" in [path.name for path in NOTEBOOKS]
 
 
+KEPT = ("04_full_refit", "05_your_own_effect")
+"""Notebooks with the outputs of a whole run, by `python notebooks/keep_outputs.py`."""
+
+HERE = ("00_quickstart", *KEPT)
+"""Notebooks whose cells are executed in this process, without their diagnosis and their fits."""
+
+IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in HERE]
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_committed_without_outputs(path):
+def test_a_notebook_has_no_outputs_or_those_of_a_whole_run(path):
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     assert len(code) > 3
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
+    outputs = [output for cell in code for output in cell["outputs"]]
+    if path.stem not in KEPT:
+        assert outputs == []
+        assert all(cell["execution_count"] is None for cell in code)
+        return
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert not any(output["output_type"] == "error" or output.get("name") == "stderr" for output in outputs)
+    assert "/tmp/" not in json.dumps(outputs)
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def _execute(stem, monkeypatch):
+    """Execute the cells of a notebook here, in its small setting, and return the names that it made."""
+    monkeypatch.setenv("FRICTIONJAX_SMALL", "1")
+    names: dict = {}
+    for cell in nbformat.read(FOLDER / f"{stem}.ipynb", as_version=4).cells:
+        if cell.cell_type == "code":
+            exec(compile(cell.source, f"{stem}.ipynb", "exec"), names)
+    return names
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+def _write_small_case(directory):
+    """Files with the names of the demo's, half a second each."""
+    for k, name in enumerate(("noise_small", "breakaway", "moves", "holdout_stick", "holdout_moves")):
+        recording = fake_recording(name, n=1000, seed=k)
+        table = np.column_stack([recording.t, recording.u, (1.0 + 0.1 * k) * recording.x])
+        np.savetxt(Path(directory) / f"{name}.csv", table, delimiter=",", header="t,u,x", comments="")
+    return Path(directory) / "case.toml"
+
+
+def test_the_quickstart_leads_from_files_to_a_verdict(monkeypatch, capsys, tmp_path):
+    """All of it but the diagnosis itself, which other tests make."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    given = []
+    monkeypatch.setattr("frictionjax.demo.write_demo_case", _write_small_case)
+    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: given.append(case) or fake_diagnosis())
+    names = _execute("00_quickstart", monkeypatch)
+    (case,) = given
+    assert [one.role for one in case.recordings] == ["fit"] * 3 + ["holdout"] * 2
+    assert case.plant == fj.Plant(16.0, position_unit="rad", force_unit="N*m", input_unit="V")
+    assert names["again"].verdict == names["found"].verdict == "named"
+    assert "maxwell_slip is named" in capsys.readouterr().out
+    assert (names["folder"] / "result" / "report.html").is_file()
+
+
+def _fitted(drive, data, **_):
+    """What a fit of `drive` returns where it reaches the truth of notebooks 04 and 05; fits have their own tests."""
+    friction = fj.LuGre(sigma0=1e5, sigma1=316.2, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3)
+    effects = tuple(type(effect)(cubic=2e3) for effect in drive.effects)
+    found = fj.Drive(1.0, friction, drive.motor_constant, effects)
+    names = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs", *(["cubic"] if effects else []))
+    values = {"J": 1.0, "cubic": 2e3} | {name: float(getattr(friction, name)) for name in names[1:7]}
+    estimates = {name: fj.Estimate(values[name], 0.01 * values[name], f"unit of {name}") for name in names}
+    covariance = np.diag([estimates[name].stderr ** 2 for name in names])
+    return fj.FitResult(
+        found, estimates, names, covariance, covariance, {}, 0.0, True, f"Fitted {len(names)}.", ()
+    )
+
+
+def test_the_full_refit_is_compared_and_drawn(monkeypatch, capsys):
+    """All of it but the fits themselves, which other tests make."""
+    fitted = []
+    monkeypatch.setattr(
+        "frictionjax.api.fit", lambda drive, data: fitted.append(data) or _fitted(drive, data)
+    )
+    profile = fj.Profile("vs", 1e-3, 1e-5, np.array([0.97e-3, 1.03e-3]), np.array([9.0, 9.0]), "m/s")
+    monkeypatch.setattr("frictionjax.api.profile_likelihood", lambda result, name: profile)
+    said = types.SimpleNamespace(sentences=("A sentence.",))
+    monkeypatch.setattr("frictionjax.api.identifiability", lambda result: said)
+    names = _execute("04_full_refit", monkeypatch)
+    assert [getattr(one, "name", None) or [r.name for r in one] for one in fitted] == [
+        ["stick", "break-away", "sliding"],
+        "stick",
+    ]
+    assert names["sk"].J.value == pytest.approx(1.0, rel=0.05)
+    printed = capsys.readouterr().out
+    assert "vs                  not seen      +0.000 %                 0.0" in printed
+    assert "vs: profile 0.00098" in printed
+    assert "Fitted 7.\nA sentence." in printed
+
+
+def test_an_effect_of_ones_own_is_simulated_and_drawn(monkeypatch, capsys):
+    """All of it but the fit itself, which other tests make."""
+    monkeypatch.setattr("frictionjax.api.fit", _fitted)
+    names = _execute("05_your_own_effect", monkeypatch)
+    assert [one.role for one in names["case"].recordings] == ["fit", "fit", "holdout"]
+    assert repr(names["StiffeningHose"](cubic=2e3)) == "StiffeningHose(cubic=2000)"
+    curve = names["right"].lines[0]
+    np.testing.assert_allclose(curve.get_ydata(), 2e3 * (1e-3 * curve.get_xdata()) ** 3, atol=1e-12)
+    printed = capsys.readouterr().out
+    assert "zero strength is the base model: True" in printed
+    assert "with the hose: " in printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stem", HERE)
+def test_a_notebook_that_is_executed_here_runs_whole(stem, monkeypatch):
+    for name in ("JAX_ENABLE_X64", "XLA_FLAGS", "MPLBACKEND", "FRICTIONJAX_SMALL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    notebook = nbformat.read(FOLDER / f"{stem}.ipynb", as_version=4)
+    NotebookClient(notebook, timeout=1200, kernel_name="python3").execute()
+
+
+@pytest.mark.parametrize("path", IN_A_KERNEL, ids=lambda path: path.stem)
 def test_a_notebook_runs_in_its_small_setting(path, monkeypatch):
     monkeypatch.setenv("FRICTIONJAX_SMALL", "1")
     # As a user's kernel starts: without the strictness of this test session.

@@ -60,6 +60,7 @@ def draw_profile(profile: Profile, place: Place, units: Mapping[str, str] | None
     for end in filter(np.isfinite, profile.interval()):
         panel.axvline(end, color=BAND, linewidth=0.8, linestyle="dotted")
     panel.set(xlabel=labelled(profile.name, profile.unit), ylabel="deviance (the line: 95 %)")
+    panel.locator_params(axis="x", nbins=4)  # ticks of a narrow range have many digits
     legend(panel)
     return panels
 
