@@ -86,7 +86,7 @@ BAD = {
     "sample rate zero": (recording("sample_rate = 0"), ["key `sample_rate`", "not above zero"]),
     "sample rate contradicts time": (
         recording("sample_rate = 2000.0"),
-        ["run.csv", "1000 Hz", "2000 Hz", "Remove sample_rate", "scale = {t = 1e-3}"],
+        ["run.csv", "1000 Hz", "2000 Hz", "Remove sample_rate", 'units = {t = "ms"}', "--unit t=ms"],
     ),
     "sample rate out of this world": (
         recording("scale = {t = 1e-30}"),

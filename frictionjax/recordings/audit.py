@@ -90,7 +90,10 @@ class Audit(eqx.Module):
         found += [f"{name} has {_count(count, 'value')} that {'is' if count == 1 else 'are'} not a number; "
                   "the audit left them out." for name, count in self.not_finite.items()]  # fmt: skip
         if self.sample_rate < _SLOW:
-            found.append(f"{self.sample_rate:.4g} samples a second are few: is the time column in seconds?")
+            found.append(
+                f"{self.sample_rate:.4g} samples a second are few: is the time column in seconds? Its unit can be "
+                "given (units, or --unit t=ms)."
+            )
         found += [f"{name} never changes." for name in self.constant]
         found += [
             f"{name} looks clipped: {c.high:.1%} of the samples are at its largest value, {c.low:.1%} at its smallest."

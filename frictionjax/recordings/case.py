@@ -9,12 +9,13 @@ from typing import Any
 
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
+from frictionjax.recordings.columns import LABELS, Columns, find_columns, has_label, labelled
 from frictionjax.recordings.copies import copied_from
 from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.limits import CASE_FILE, NESTING, reading
 from frictionjax.recordings.model_table import parse_model
 from frictionjax.recordings.readers import AbstractTable, open_table, stem
-from frictionjax.recordings.recording import Case, Recording
+from frictionjax.recordings.recording import Case, Plant, Recording
 from frictionjax.recordings.schema import (
     CASE_KEYS,
     LONGEST_TEXT,
@@ -71,7 +72,10 @@ def case_from_files(
     inertia: float | None = None,
     loop: str | None = None,
     drive: str | None = None,
+    start_time: float | Sequence[float] | None = None,
+    interval: Sequence[float] | Sequence[Sequence[float]] | None = None,
     columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
     limit: float | None = None,
 ) -> Case:
@@ -85,12 +89,16 @@ def case_from_files(
     - `motor_constant`: force or torque per input unit; absent: every force is per input unit.
     - `sample_rate`: Hz, for files without a time column.
     - `name`: the case's name; absent: that of the first file.
-    - `position_unit`, `force_unit`, `input_unit`: units, as text.
+    - `position_unit`, `force_unit`, `input_unit`: units, as text; absent: SI where a column has a unit, else unknown.
     - `encoder_step`: quantum of the position sensor, position units; absent: unknown.
     - `inertia`: known inertia or mass; absent: to be identified.
     - `loop`: `"open"` (default) or `"closed"`, for all files.
     - `drive`: `"force"` (default) or `"motion"`, for all files.
-    - `columns`: which column is which, by role; absent: columns are called `t`, `u`, `x`, ...
+    - `start_time`: s since power-on of the first sample: one for all files, or one for each, the held-out ones last.
+    - `interval`: the part to use, from and to, s of the file's own time: one for all files, or one for each.
+    - `columns`: which column is which, by role; absent: columns are called `t`, `u`, `x`, ..., or have names that
+        people use for these, with a warning.
+    - `units`: units of columns whose headers do not say them, by role.
     - `scale`: factors to the units above, by role.
     - `limit`: as in `load_case`.
 
@@ -101,14 +109,21 @@ def case_from_files(
     shared = {"sample_rate": sample_rate, "loop": loop, "drive": drive}
     shared |= {
         "columns": None if columns is None else dict(columns),
+        "units": None if units is None else dict(units),
         "scale": None if scale is None else dict(scale),
     }
     plant = {"motor_constant": motor_constant, "encoder_step": encoder_step, "inertia": inertia}
     plant |= {"position_unit": position_unit, "force_unit": force_unit, "input_unit": input_unit}
     given = [(path, "fit") for path in _several(files)] + [(path, "holdout") for path in _several(holdout)]
+    starts = _for_each("start_time", start_time, len(given), isinstance(start_time, int | float))
+    one_interval = interval is not None and all(isinstance(bound, int | float) for bound in interval)
+    intervals = _for_each("interval", interval, len(given), one_interval)
     table: dict[str, Any] = {
         "plant": plant,
-        "recording": [{"file": str(path), "role": role, **shared} for path, role in given],
+        "recording": [
+            {"file": str(path), "role": role, **shared, "start_time": start, "interval": part}
+            for (path, role), start, part in zip(given, starts, intervals, strict=True)
+        ],
     }
     if name is not None:
         table["name"] = name
@@ -124,6 +139,18 @@ def case_from_table(table: dict[str, Any], name: str) -> Case:
     **Raises:** `InputError` as `load_case` does.
     """
     return _build(table, name, Path(), Spot(None))
+
+
+def _for_each(key: str, value: Any, files: int, single: bool) -> list[Any]:
+    """The value of a key for each file: a `single` one for all of them."""
+    if value is None or single:
+        return [value] * files
+    if len(value) != files:
+        raise InputError(
+            f"`{key}` has {len(value)} values for {files} files",
+            cure="Give one for all files, or one for each: fitted files first, held-out files last",
+        )
+    return list(value)
 
 
 def _several(files: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
@@ -189,17 +216,22 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, co
         for entry in entries:
             _require_inside(entry, folder)
     paths = [_path(entry, folder) for entry in entries]
-    _require_apart(entries, paths)
     recordings: list[Recording] = []
     taken: set[str] = set()
     opened: dict[Path, AbstractTable] = {}
+    chosen: list[Columns] = []
+    given, apart = plant, _Apart()
     for entry, path in zip(entries, paths, strict=True):
         if path not in opened:  # neighbours often share a file; older ones are let go
             opened = {path: open_table(path)}
+        chosen.append(find_columns(entry, opened[path]))
+        apart.add(entry, path, chosen[-1])
+        plant = labelled(plant, chosen[-1], entry)
         # A name that is not UTF-8, or of unprintable characters, is written with escapes.
         unique = _unique(shown(stem(path), LONGEST_TEXT), taken)
         taken.add(unique.casefold())
-        recordings.append(make_recording(entry, opened[path], unique, plant))
+        recordings.append(make_recording(entry, opened[path], chosen[-1], unique, plant))
+    _require_units_everywhere(given, entries, chosen)
     _require_originals(recordings, entries)
     model = parse_model(table.get("model"), spot.source)
     case = Case(name=name, plant=plant, recordings=tuple(recordings), model=model)
@@ -260,20 +292,23 @@ def _require_inside(entry: Entry, folder: Path) -> None:
         )
 
 
-def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
-    """Refuse a holdout recording that shares samples with one to fit."""
-    everything = (-math.inf, math.inf)
-    fitted: dict[tuple[int, int, str], list[Entry]] = {}
-    # Links to one file are one file; of other variables of it, or another joint, the answers differ.
-    places = [(path.stat().st_dev, path.stat().st_ino) for path in paths]
-    for entry, place in zip(entries, places, strict=True):
-        if entry.role == "fit":
-            fitted.setdefault((*place, _answer(entry)), []).append(entry)
-    for kept, place in zip(entries, places, strict=True):
-        if kept.role != "holdout":
-            continue
-        for other in fitted.get((*place, _answer(kept)), []):
-            (a, b), (c, d) = kept.interval or everything, other.interval or everything
+class _Apart:
+    """Refuses a holdout recording that shares samples with one to fit, as soon as the columns of both are known."""
+
+    def __init__(self) -> None:
+        self._earlier: dict[tuple[int, int, str], list[Entry]] = {}
+
+    def add(self, entry: Entry, path: Path, columns: Columns) -> None:
+        """The recording of an `entry`, with these `columns` of the file `path`."""
+        everything = (-math.inf, math.inf)
+        # Links to one file are one file; of other variables of it, or another joint, the answers differ.
+        status = path.stat()
+        before = self._earlier.setdefault((status.st_dev, status.st_ino, _answer(entry, columns)), [])
+        for other in before:
+            if entry.role == other.role:
+                continue
+            kept = entry if entry.role == "holdout" else other
+            (a, b), (c, d) = entry.interval or everything, other.interval or everything
             if max(a, c) < min(b, d):
                 kept.spot.fail(
                     f'the holdout shares samples of "{shown(kept.file)}" with a recording to fit, '
@@ -281,12 +316,27 @@ def _require_apart(entries: list[Entry], paths: list[Path]) -> None:
                     "interval" if kept.interval else "file",
                     "Use another file, or give both an interval, such that they do not overlap",
                 )
+        before.append(entry)
 
 
-def _answer(entry: Entry) -> str:
+def _answer(entry: Entry, columns: Columns) -> str:
     """The column that a model has to predict."""
-    role = "force" if entry.drive == "motion" else "x"
-    return entry.columns.get(role, role)
+    return columns.names["force" if entry.drive == "motion" else "x"]
+
+
+def _require_units_everywhere(plant: Plant, entries: list[Entry], chosen: list[Columns]) -> None:
+    """Refuse a case, of which no unit is given, with a unit in some files and none in others."""
+    for role in LABELS:
+        pairs = [pair for pair in zip(entries, chosen, strict=True) if role in pair[1].names]
+        with_unit = [role in columns.units or role in entry.scale for entry, columns in pairs]
+        named = any(role in columns.units and role not in entry.scale for entry, columns in pairs)
+        if named and not all(with_unit) and not has_label(plant, role):
+            entry, _ = pairs[with_unit.index(False)]
+            entry.spot.fail(
+                f'"{shown(entry.file)}" gives no unit for {role}, and other files of the case do',
+                f"units.{role}",
+                f'Give it: units = {{{role} = "..."}} (--unit {role}=...), or {LABELS[role]} for all files',
+            )
 
 
 def _require_originals(recordings: list[Recording], entries: list[Entry]) -> None:

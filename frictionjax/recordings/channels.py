@@ -8,42 +8,48 @@ from jaxtyping import Float, Int
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.audit import audit
+from frictionjax.recordings.columns import Columns, read_columns
 from frictionjax.recordings.jumps import standing, unwrapped
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
 from frictionjax.recordings.sampling import Grid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
-from frictionjax.recordings.words import listed, nearest, shown
+from frictionjax.recordings.words import listed, shown
 
 MIN_SAMPLES = 100
 _OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply")
 # The rate written in the case and the one in the time stamps may differ by a clock's error, not by more.
 _RATE_TOLERANCE = 1e-3
 _SLOWEST, _FASTEST = 1e-3, 1e9  # Hz
+MILLISECONDS = 'units = {t = "ms"} for ms (--unit t=ms)'
 # No measurement is larger, and sums of squares below it stay finite.
 _LARGEST = 1e100
 
 
-def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) -> Recording:
+def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: str, plant: Plant) -> Recording:
     """Read the channels that an entry names, check them and put them on a uniform grid.
 
     **Arguments:**
 
     - `entry`: the checked keys of the recording.
     - `table`: its opened file.
+    - `chosen`: which of its columns is which.
     - `name`: the recording's name, unique in its case.
-    - `plant`: what the audit compares the data with.
+    - `plant`: the units that columns are converted to, and what the audit compares the data with.
 
     **Returns:** the `Recording`, with what the audit found among its `warnings`.
 
     **Raises:** `InputError` for anything in the file that makes the recording unusable; warns with
-    `FrictionjaxWarning` when the channels had to be resampled.
+    `FrictionjaxWarning` when columns were found by names that people use, or converted, and when the channels had to
+    be resampled.
     """
     file = shown(table.path, 200)
-    columns, left_out = _read_columns(entry, table)
+    columns, converted, left_out = read_columns(chosen, entry, table, plant)
+    named = {role: chosen.names.get(role, role) for role in ROLES}
+    read_as = tuple(f"{sentence}." for sentence in (*chosen.notes, *converted))
     rows, late = np.arange(columns["x"].size), np.zeros(columns["x"].size, dtype=bool)
     if "t" in columns:
-        _require_finite(columns["t"], table, entry.columns.get("t", "t"), rows)
+        _require_finite(columns["t"], table, named["t"], rows)
         rows = _not_repeated(columns)
         columns = {role: values[rows] for role, values in columns.items()}
         columns["t"], late = punctual(columns["t"])
@@ -51,7 +57,7 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
     first, last = _cut(entry, stamps, step, file)
     used = {role: values[first:last] for role, values in columns.items() if role != "t"}
     for role, values in used.items():
-        _require_finite(values, table, entry.columns.get(role, role), rows[first:last])
+        _require_finite(values, table, named[role], rows[first:last])
     if last - first < MIN_SAMPLES:
         part = "the interval" if entry.interval else "the file"
         raise InputError(
@@ -63,14 +69,14 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
     if "t" in columns:
         if 0.0 < step < 1.0 / _FASTEST:  # so short that the arithmetic of the grid would overflow
             _require_usual_rate(1.0 / step, entry, file)
-        grid = find_grid(stamps[first:last], table, entry.columns.get("t", "t"), rows[first:last])
+        grid = find_grid(stamps[first:last], table, named["t"], rows[first:last])
         rate = _agreed_rate(grid, entry, file)
     else:
         rate = entry.sample_rate or 1.0 / step
         grid = Grid(rate, Sampling(), stamps[first:last], None)
     _require_usual_rate(rate, entry, file)
     _require_motion(entry, used, file)
-    column = entry.columns.get("x", "x")
+    column = named["x"]
     used["x"], turns, jump = unwrapped(used["x"], plant.position_unit)
     jumps = ()
     if turns:
@@ -108,9 +114,9 @@ def make_recording(entry: Entry, table: AbstractTable, name: str, plant: Plant) 
         supply=optional["supply"],
     )
     found = audit(recording, plant)
-    for said in filter(None, (found.sampling_sentence(), *jumps)):
+    for said in filter(None, (*read_as, found.sampling_sentence(), *jumps)):
         warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
-    return dataclasses.replace(recording, warnings=(*left_out, *jumps, *found.concerns()))
+    return dataclasses.replace(recording, warnings=(*read_as, *left_out, *jumps, *found.concerns()))
 
 
 def _times(count: int) -> str:
@@ -124,71 +130,6 @@ def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray
     for values in columns.values():
         same[1:] &= values[1:] == values[:-1]
     return np.flatnonzero(~same)
-
-
-def _read_columns(
-    entry: Entry, table: AbstractTable
-) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
-    """The scaled columns by role, and sentences on those that were left out."""
-    motion = entry.drive == "motion"
-    if motion and "u" in entry.columns:
-        entry.spot.fail(
-            'with drive = "motion" there is no input',
-            "columns.u",
-            "Remove u, or name the measured force: force",
-        )
-    needed = ("x", "force") if motion else ("x", "u")
-    names = {role: entry.columns.get(role, role) for role in ROLES if not (motion and role == "u")}
-    for role in dict.fromkeys((*needed, *entry.columns)):
-        if not table.has(names[role]):
-            raise _no_column(role, names[role], entry, table)
-    names = {role: name for role, name in names.items() if table.has(name)}
-    owners: dict[str, str] = {}
-    for role, name in names.items():
-        if owners.setdefault(name, role) != role:
-            entry.spot.fail(
-                f"the column `{shown(name)}` is to be both {owners[name]} and {role}",
-                f"columns.{role if role in entry.columns else owners[name]}",
-                f"Name a column for each; the file has: {listed(table.names)}",
-            )
-    for role in entry.scale:
-        if role not in names:
-            entry.spot.fail(
-                f"the recording has no column for `{role}`", f"scale.{role}", f"Scale one of: {listed(names)}"
-            )
-    values = dict(zip(names, table.read(list(names.values())), strict=True))
-    left_out = []
-    size = values["x"].size
-    for role in list(values):
-        if values[role].size == size:
-            continue
-        if role in needed or role in entry.columns or (role == "t" and entry.sample_rate is None):
-            raise InputError(
-                f"`{shown(names[role])}` ({role}) has {values[role].size} samples, "
-                f"`{shown(names['x'])}` (x) has {size}",
-                file=shown(table.path, 200),
-                place=entry.spot.at(),
-                cure="Name columns of one and the same recording (columns), or cut them to one length",
-            )
-        left_out.append(f"`{role}` has {values[role].size} samples and x has {size}: it was left out.")
-        del values[role]
-    with np.errstate(over="ignore"):
-        return {role: v * entry.scale.get(role, 1.0) for role, v in values.items()}, tuple(left_out)
-
-
-def _no_column(role: str, name: str, entry: Entry, table: AbstractTable) -> InputError:
-    """The error for a column that is not there."""
-    near = nearest(name, table.names)
-    hint = f"Did you mean `{shown(near)}`? " if near and near != name else ""
-    say = f'Say which column it is: columns = {{{role} = "..."}}; the file has: {listed(table.names)}'
-    if role == "force" and "force" not in entry.columns:
-        hint = f'A recording with drive = "motion" needs the measured force. {hint}'
-    return InputError(
-        f"{table.absence(name)}, which is to be {role}" if name != role else table.absence(name),
-        file=shown(table.path, 200),
-        place=entry.spot.at(f"columns.{role}") if role in entry.columns else entry.spot.at(),
-        cure=hint + say,
-    )
 
 
 def _time(
@@ -251,7 +192,7 @@ def _agreed_rate(grid: Grid, entry: Entry, file: str) -> float:
             f"the time column says {grid.sample_rate:.6g} Hz and sample_rate says {entry.sample_rate:.6g} Hz",
             file=file,
             place=entry.spot.at("sample_rate"),
-            cure="Remove sample_rate, or correct the unit of time (scale = {t = 1e-3} for ms)",
+            cure=f"Remove sample_rate, or correct the unit of time: {MILLISECONDS}",
         )
     return entry.sample_rate
 
@@ -263,7 +204,7 @@ def _require_usual_rate(rate: float, entry: Entry, file: str) -> None:
             f"the sample rate is {rate:.3g} Hz",
             file=file,
             place=entry.spot.at(),
-            cure="Correct sample_rate, or bring the time column to s (scale = {t = 1e-3} for ms)",
+            cure=f"Correct sample_rate, or say the unit of time: {MILLISECONDS}",
         )
 
 

@@ -10,6 +10,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
 
+import numpy as np
+
 from frictionjax.core import InputError
 from frictionjax.recordings.words import shown
 
@@ -81,38 +83,46 @@ def content(path: Path) -> bytes:
     """
     file = shown(path, 200)
     with path.open("rb") as stream:
-        data = _bounded(stream, file)
+        data = bounded(stream, file)
     if data[:2] != b"\x1f\x8b":
         return data
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-            return _bounded(packed, file)
+            return bounded(packed, file)
     except (gzip.BadGzipFile, EOFError, zlib.error):
         raise InputError("the gzip file is damaged or cut short", file=file, cure="Pack it again") from None
 
 
-def _bounded(stream: IO[bytes] | gzip.GzipFile, file: str) -> bytes:
+def bounded(stream: IO[bytes] | gzip.GzipFile, file: str) -> bytes:
+    """All bytes of a `stream` that belongs to the `file`.
+
+    **Raises:** `InputError` for more than the limit.
+    """
     data = stream.read(most_bytes() + 1)
     if len(data) > most_bytes():
         raise too_large(file, "its content")
     return data
 
 
-def require_short_lines(text: str, file: str) -> None:
-    """Refuse a text whose lines are longer than `LINE` characters, before they are taken apart.
+def require_short_lines(data: bytes, file: str) -> None:
+    """Refuse a text whose lines are longer than `LINE` bytes, before they are taken apart.
 
     **Arguments:**
 
-    - `text`: with `\\n` line ends.
+    - `data`: the text, unpacked.
     - `file`: its name, for messages.
     """
-    if len(text) <= LINE:
+    if len(data) <= LINE:
         return
-    for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) > LINE:
-            raise InputError(
-                f"the line has {len(line)} characters, more than columns of measured channels take ({LINE})",
-                file=file,
-                place=f"line {number}",
-                cure="Write one line for each sample, with the columns that are needed",
-            )
+    signs = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero((signs == ord("\n")) | (signs == ord("\r")))
+    lengths = np.diff(np.concatenate([[-1], ends, [len(data)]])) - 1
+    longest = int(np.argmax(lengths))
+    if lengths[longest] > LINE:
+        number = data.count(b"\n", 0, int(ends[longest - 1]) + 1 if longest else 0) + 1
+        raise InputError(
+            f"the line has {lengths[longest]} characters, more than columns of measured channels take ({LINE})",
+            file=file,
+            place=f"line {number}",
+            cure="Write one line for each sample, with the columns that are needed",
+        )

@@ -7,6 +7,7 @@ import equinox as eqx
 
 from frictionjax.core import InputError
 from frictionjax.recordings.recording import Plant
+from frictionjax.recordings.units import MEASURED_IN, parse_unit
 from frictionjax.recordings.words import listed, nearest, shown
 
 ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
@@ -20,6 +21,7 @@ RECORDING_KEYS = (
     "start_time",
     "sample_rate",
     "columns",
+    "units",
     "scale",
     "interval",
 )
@@ -59,8 +61,8 @@ class Spot(eqx.Module):
 class Entry(eqx.Module):
     """One `[[recording]]` of a case, checked for itself, before its file is opened.
 
-    **Attributes:** the keys of a case file, with their defaults; `columns` and `scale` by role, `interval` in s
-    of the file's own time; `spot` for messages.
+    **Attributes:** the keys of a case file, with their defaults; `columns`, `units` and `scale` by role, `interval` in
+    s of the file's own time; `spot` for messages.
     """
 
     file: str = eqx.field(static=True)
@@ -70,6 +72,7 @@ class Entry(eqx.Module):
     start_time: float = eqx.field(static=True)
     sample_rate: float | None = eqx.field(static=True)
     columns: dict[str, str] = eqx.field(static=True)
+    units: dict[str, str] = eqx.field(static=True)
     scale: dict[str, float] = eqx.field(static=True)
     interval: tuple[float, float] | None = eqx.field(static=True)
     spot: Spot
@@ -124,6 +127,7 @@ def parse_entry(table: dict[str, Any], spot: Spot) -> Entry:
     if "file" not in table:
         spot.fail("the recording has no file", "file", 'Add file = "run.csv"')
     columns = mapping(table, "columns", spot)
+    units = mapping(table, "units", spot)
     scale = mapping(table, "scale", spot)
     start_time = number(table, "start_time", spot)
     return Entry(
@@ -134,6 +138,7 @@ def parse_entry(table: dict[str, Any], spot: Spot) -> Entry:
         start_time=0.0 if start_time is None else start_time,
         sample_rate=positive(table, "sample_rate", spot, "Give the samples per second, such as 2000.0"),
         columns={role: _column(columns, role, spot) for role in columns},
+        units={role: _unit(units, role, spot) for role in units},
         scale={role: _factor(scale, role, spot) for role in scale},
         interval=_interval(table, spot),
         spot=spot,
@@ -200,8 +205,8 @@ def mapping(table: dict[str, Any], key: str, spot: Spot) -> dict[str, Any]:
     """The inline table under a key, whose keys are column roles."""
     value = table.get(key, {})
     if not isinstance(value, dict):
-        example = 'columns = {x = "position"}' if key == "columns" else "scale = {x = 1e-3}"
-        spot.fail(f"a table is needed, not {_kind(value)}", key, f"Write {example}")
+        examples = {"columns": '{x = "position"}', "units": '{x = "mm"}', "scale": "{x = 1e-3}"}
+        spot.fail(f"a table is needed, not {_kind(value)}", key, f"Write {key} = {examples[key]}")
     known_keys(value, ROLES, spot, f"{key}.")
     return value
 
@@ -216,6 +221,22 @@ def _column(columns: dict[str, Any], role: str, spot: Spot) -> str:
             )
         return str(value)
     return text(columns, role, spot, "columns.")
+
+
+def _unit(units: dict[str, Any], role: str, spot: Spot) -> str:
+    """The unit of a `role`'s column: one that can be converted."""
+    value = text(units, role, spot, "units.")
+    unit = parse_unit(value)
+    if unit is None:
+        cure = 'Write a unit such as "ms", "deg", "mm", "mA", "N*m" or "turn/4096", or the factor (scale)'
+        spot.fail(f'"{shown(value)}" is not a unit that is known', f"units.{role}", cure)
+    if unit.powers not in MEASURED_IN.get(role, (unit.powers,)):
+        spot.fail(
+            f'"{shown(value)}" is {unit.measures}, and {role} is not',
+            f"units.{role}",
+            "Correct the unit or the role",
+        )
+    return value
 
 
 def _factor(scale: dict[str, Any], role: str, spot: Spot) -> float:

@@ -1,5 +1,7 @@
 """Every fault of a measured file ends in one line that names the file, the line or column, and the cure."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from helpers_recordings import (
@@ -35,7 +37,8 @@ BAD = {
         case(HEADER + FIT.replace("run.csv", ".") + HOLDOUT),
         ["recording 1", "is a folder"],
     ),
-    "unknown suffix": (raw("run.xlsx", b"PK"), ["run.xlsx", '".xlsx"', ".csv, .csv.gz, .txt, .txt.gz, .mat"]),
+    "unknown suffix": (raw("run.pdf", b"PK"), ["run.pdf", '".pdf"', ".csv, .tsv, .txt", ".xlsx", ".parquet"]),
+    "zip cut short": (raw("run.zip", b"PK\x03\x04abc"), ["run.zip", "zip file is damaged"]),
     "empty file": (raw("run.csv", b""), ["run.csv", "the file is empty"]),
     "header only": (raw("run.csv", b"t,u,x\n"), ["run.csv", "no line of numbers"]),
     "binary file": (raw("run.csv", b"\x00\x01\x02" * 50), ["run.csv", "binary"]),
@@ -95,8 +98,8 @@ BAD = {
         ["run.csv", "no time column", "Add sample_rate = 2000.0", "the file has: u, x"],
     ),
     "no column x": (
-        spoiled(1, "x", "position"),
-        ["run.csv", "no column `x`", 'columns = {x = "..."}', "t, u, position"],
+        spoiled(1, "x", "thing"),
+        ["run.csv", "no column `x`", 'columns = {x = "..."}', '--columns x="..."', "t, u, thing"],
     ),
     "no header": (
         rows(lambda rows: [row + ",0" for row in rows[1:]]),
@@ -143,7 +146,7 @@ BAD = {
     ),
     "MATLAB v7.3": (
         raw("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + b"\x89HDF\r\n\x1a\n"),
-        ["run.mat", "v7.3", "not read yet", "-v7"],
+        ["run.mat", "h5py" if find_spec("h5py") is None else "is not an HDF5 file that can be read"],
     ),
     "not a MATLAB file": (
         raw("run.mat", b"MATLAB 5.0 MAT-file".ljust(200, b"x")),

@@ -162,12 +162,13 @@ def test_mat_struct_arrays_and_cells(tmp_path):
 def test_stems_and_suffixes(tmp_path):
     assert stem(tmp_path / "run.csv.gz") == "run"
     assert stem(tmp_path / "RUN.2.CSV") == "RUN.2"
-    for suffix in (".npz", ".h5", ".json", ".xlsx", ""):
+    for suffix in (".pdf", ".png", ""):
         path = tmp_path / f"run{suffix}"
         path.write_bytes(b"1,2\n3,4\n")
         with pytest.raises(InputError) as error:
             open_table(path)
-        assert all(known in str(error.value) for known in READERS)
+        plain = [known for known in READERS if not known.endswith((".gz", ".zip"))]
+        assert all(known in str(error.value) for known in plain)
 
 
 VALUES = st.floats(min_value=-1e99, max_value=1e99, allow_nan=False, allow_infinity=False)

@@ -34,7 +34,8 @@ ROOMS = {
 }
 """Inside a large unit: its rooms (folders, and modules beside them) in order; a room imports only rooms before it."""
 
-DOORS_THAT_LOAD_LATE = ("cli.py", "__init__.py")
+DOORS_THAT_LOAD_LATE = ("cli/", "__init__.py")
+"""A folder and a file at the top."""
 ADAPTERS_THAT_LOAD_LATE = {
     "diffrax": "simulation/reference.py",
     "optimistix": "estimation/descent/levenberg_marquardt.py",
@@ -50,12 +51,12 @@ THROUGH_THE_FRONT_DOOR = ("core/front_door.py",)
 ONE_FILE_EACH = ("diffrax", "optimistix")
 ONLY_UNDER = {
     "matplotlib": ("report/", "paper/figures/"),
-    "argparse": ("cli.py",),
+    "argparse": ("cli/",),
     "pandas": ("core/frames.py",),
     "xarray": ("core/frames.py",),
 }
-JAX_CONFIG_READERS = ("cli.py", "core/precision.py", "core/setup.py")
-JAX_CONFIG_SETTERS = ("cli.py", "core/setup.py")
+JAX_CONFIG_READERS = ("core/precision.py", "core/setup.py")
+JAX_CONFIG_SETTERS = ("core/setup.py",)
 MAX_LINES = 400
 
 
@@ -141,7 +142,8 @@ def _habit_breaches(file: str, imports: list[Import]) -> Iterator[str]:
         top = item.module.split(".")[0]
         if item.name == "*" and not (file == "__init__.py" and item.type_only):
             yield f"{file}:{item.line}: star import of {item.module}."
-        late = file in DOORS_THAT_LOAD_LATE or ADAPTERS_THAT_LOAD_LATE.get(top) == file
+        door = file in DOORS_THAT_LOAD_LATE or file.startswith(DOORS_THAT_LOAD_LATE[0])
+        late = door or ADAPTERS_THAT_LOAD_LATE.get(top) == file
         if item.in_function and not late and not _through_the_front_door(file, item, "frictionjax"):
             yield f"{file}:{item.line}: import of {item.module} inside a function."
         if top in ONLY_UNDER and not file.startswith(ONLY_UNDER[top]):
@@ -149,7 +151,7 @@ def _habit_breaches(file: str, imports: list[Import]) -> Iterator[str]:
 
 
 def _jax_config_breaches(file: str, tree: ast.Module) -> Iterator[str]:
-    """Uses of `jax.config` outside the files that may read it, and settings of it outside cli.py; one for a line."""
+    """Uses of `jax.config` outside the files that may read it, and settings of it outside setup.py; one a line."""
     found = {}
     for node in ast.walk(tree):
         if (
@@ -161,7 +163,7 @@ def _jax_config_breaches(file: str, tree: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.Attribute) and f"{ast.unparse(node)}.".startswith("jax.config."):
             if file not in JAX_CONFIG_READERS:
                 found[node.lineno] = (
-                    "jax.config is the caller's; only cli.py and core/setup.py, which is asked to, may set it."
+                    "jax.config is the caller's; only core/setup.py, which is asked to, may set it."
                 )
             elif file not in JAX_CONFIG_SETTERS and (
                 node.attr == "update" or isinstance(node.ctx, ast.Store)

@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, noise_level
 from frictionjax.physics.effects import (
@@ -61,16 +63,24 @@ def missing_needs(case: Case, batch: AbstractBatch, *, rule: Rule = Rule()) -> d
     """Each need of an effect (`About.needs`) that the fitted recordings of a `case` do not meet -> what they lack, in
     words. `batch`: all recordings, the fitted ones first; `rule`: when a need is met.
     """
-    met = coverage_of(case, batch).meets(rule)
+    return _lacking(_coverage_of(case, batch.position_noise, batch.imposed), rule)
+
+
+def _lacking(found: Coverage, rule: Rule) -> dict[str, str]:
+    met = found.meets(rule)
     return {need: text for need, text in _WORDS.items() if not met[need]}
 
 
-def coverage_of(case: Case, batch: AbstractBatch) -> Coverage:
-    """What the fitted recordings of the `case` contain; `batch` as in `missing_needs`."""
-    noises = batch.position_noise
-    noises = [noise_level(r) for r in case.fit_recordings] if noises is None else np.asarray(noises)
+def _coverage_of(case: Case, position_noise: Float[Numbers, " r"] | None, imposed: bool) -> Coverage:
+    """What the fitted recordings of the `case` contain; `position_noise` (standard deviation, position units, shape
+    `(r,)`, None: found from the data) and whether the motion is `imposed`."""
+    noises = (
+        [noise_level(r) for r in case.fit_recordings]
+        if position_noise is None
+        else np.asarray(position_noise)
+    )
     found = [
-        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if batch.imposed else None)
+        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if imposed else None)
         for r, noise in zip(case.fit_recordings, noises, strict=False)
     ]
     starts = {r.start_time for r in case.fit_recordings}
@@ -99,8 +109,19 @@ def not_testable(
 ) -> tuple[dict[str, str], frozenset[str]]:
     """Effects of the catalogue that cannot be tested in any form -> why, in words; and the forms of other effects that
     cannot. `case`, `batch` and `rule` as in `missing_needs`."""
-    lacking = missing_needs(case, batch, rule=rule)
-    reasons = idle_effects() if batch.imposed else {}
+    return _without(missing_needs(case, batch, rule=rule), batch.imposed)
+
+
+def not_shown(case: Case, *, rule: Rule = Rule()) -> dict[str, str]:
+    """Effects of the catalogue that the fitted recordings of a `case` cannot show in any form -> why, in words; found
+    from the recordings alone, before anything is fitted. `rule`: when a need is met."""
+    imposed = any(recording.drive == "motion" for recording in case.recordings)
+    return _without(_lacking(_coverage_of(case, None, imposed), rule), imposed)[0]
+
+
+def _without(lacking: dict[str, str], imposed: bool) -> tuple[dict[str, str], frozenset[str]]:
+    """Effects that are not testable -> why, and forms of others that are not, from the needs that are `lacking`."""
+    reasons = idle_effects() if imposed else {}
     barred: set[str] = set()
     for name, forms in catalogue().items():
         why = {form.__name__: [lacking[n] for n in form.about.needs if n in lacking] for form in forms}

@@ -47,6 +47,14 @@ class AbstractTable(eqx.Module):
         """
 
     @abc.abstractmethod
+    def unit(self, name: str) -> str:
+        """The unit that the file gives for the column `name`, as text, beside the name; empty where it gives none."""
+
+    @abc.abstractmethod
+    def clock(self, name: str) -> Float[np.ndarray, " _"] | None:
+        """The times of the samples of the column `name`, s, where the file has a clock for each; None: it has not."""
+
+    @abc.abstractmethod
     def place(self, index: int) -> str:
         """Where the value `index` (from 0) of a column stands, in words: "line 17" or "sample 17"."""
 

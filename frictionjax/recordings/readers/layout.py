@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import equinox as eqx
 
 from frictionjax.core import InputError
+from frictionjax.recordings.units import is_unit, parse_unit
 from frictionjax.recordings.words import shown
 
 # ASCII only, like NumPy's parser: Python's `float` would also take "1_000" and digits of other scripts.
@@ -40,6 +41,7 @@ class Layout(eqx.Module):
     - `index`: every name of a column, and its number from 1 on where no column has it for a name, with the position;
         -1 marks a name that occurs twice.
     - `start`: number of lines before the numbers.
+    - `units`: a column's name -> its unit, from a line of units below the header.
     """
 
     separator: str | None = eqx.field(static=True)
@@ -47,6 +49,7 @@ class Layout(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
     index: dict[str, int] = eqx.field(static=True)
     start: int = eqx.field(static=True)
+    units: dict[str, str] = eqx.field(static=True)
 
 
 def content_lines(lines: list[str], start: int = 0) -> Iterator[tuple[int, str]]:
@@ -128,7 +131,8 @@ def find_layout(text: str, file: str) -> Layout:
         raise InputError(
             "no line of numbers found", file=file, place=f"line {head[-1][0]}", cure="Give columns of numbers"
         )
-    header = _header(above, separator, width)
+    block = _header_block(above, separator, width)
+    header = block[0] if block else None
     if header is None and above:
         number, line = above[-1]
         raise InputError(
@@ -139,7 +143,7 @@ def find_layout(text: str, file: str) -> Layout:
         )
     bare = header is None
     header = header or _commented_header(lines[:start], separator, width)
-    return Layout(separator, width, *_index(header, width, bare and header is None), start)
+    return Layout(separator, width, *_index(header, width, bare and header is None), start, _units(block))
 
 
 def _body(lines: list[str]) -> list[str]:
@@ -153,16 +157,29 @@ def _numbers_in(fields: list[str]) -> int:
     return sum(bool(NUMBER.fullmatch(field) or STAMP.fullmatch(field)) for field in fields)
 
 
-def _header(above: list[tuple[int, str]], separator: str | None, width: int) -> list[str] | None:
-    """The names in the first of the lines directly `above` the numbers that have one for every column; no blank line
-    stands between these."""
-    header, below = None, None
+def _header_block(above: list[tuple[int, str]], separator: str | None, width: int) -> list[list[str]]:
+    """The header, and the lines of units, types and the like below it: the lines directly `above` the numbers that have
+    a field for every column; no blank line stands between these."""
+    block: list[list[str]] = []
+    below = None
     for number, line in reversed(above):
         names = _names(line, separator, width)
         if names is None or (below is not None and number != below - 1):
             break
-        header, below = names, number
-    return header
+        block.insert(0, names)
+        below = number
+    return block
+
+
+def _units(block: list[list[str]]) -> dict[str, str]:
+    """Column -> unit, from the first line below the header that is one of units; a line may begin with that word."""
+    for line in block[1:]:
+        cells = [cell for cell in line if cell and cell.lower() not in ("unit", "units", "einheit")]
+        units = [cell for cell in cells if is_unit(cell)]
+        if any(parse_unit(cell.strip("[]()")) for cell in units) and 2 * len(units) >= len(cells):
+            pairs = zip(block[0], line, strict=True)
+            return {name: unit.strip("[]()") for name, unit in reversed(list(pairs)) if is_unit(unit)}
+    return {}
 
 
 def _separator(lines: list[str]) -> tuple[str | None, int]:

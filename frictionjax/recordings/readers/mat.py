@@ -12,7 +12,9 @@ from scipy.io import loadmat
 
 from frictionjax.core import InputError
 from frictionjax.recordings.limits import content, too_large
+from frictionjax.recordings.readers.arrays import ArrayTable
 from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.hdf5 import open_mat73
 from frictionjax.recordings.readers.mat_check import Damaged, TooLarge, variables
 from frictionjax.recordings.words import shown
 
@@ -44,12 +46,18 @@ class MatTable(AbstractTable):
     def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
         return [self.columns[name] for name in names]
 
+    def unit(self, name: str) -> str:
+        return ""
+
+    def clock(self, name: str) -> None:
+        return None
+
     def place(self, index: int) -> str:
         return f"sample {index + 1}"
 
 
-def open_mat(path: Path) -> MatTable:
-    """Open a MATLAB file of version 4 to 7.
+def open_mat(path: Path) -> MatTable | ArrayTable:
+    """Open a MATLAB file of version 4 to 7.3.
 
     **Arguments:**
 
@@ -57,18 +65,15 @@ def open_mat(path: Path) -> MatTable:
 
     **Returns:** its table.
 
-    **Raises:** `InputError` for a v7.3 (HDF5) file, a damaged file, and one without a numeric vector.
+    **Raises:** `InputError` for a damaged file, one without a numeric vector, and a v7.3 (HDF5) file where h5py is
+    absent.
     """
     file = shown(path, 200)
     try:
         with path.open("rb") as stream:
             head = stream.read(1024)
             if head.startswith((b"MATLAB 7.3", _HDF5)) or _HDF5 in head:
-                raise InputError(
-                    "the file is MATLAB v7.3 (HDF5), which is not read yet",
-                    file=file,
-                    cure="In MATLAB, load it and save it again with save('name.mat', '-v7')",
-                )
+                return open_mat73(path)
         data = content(path)
         sound = variables(data)
         with warnings.catch_warnings():

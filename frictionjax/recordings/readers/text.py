@@ -1,4 +1,4 @@
-"""Text files of columns: `.csv` and `.txt`, any separator, plain or gzipped."""
+"""Text files of columns: any suffix of text, any separator, plain, gzipped or zipped."""
 
 import codecs
 import io
@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import FrictionjaxWarning, InputError
-from frictionjax.recordings.limits import content, require_short_lines
+from frictionjax.recordings.limits import require_short_lines
 from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.fast import numbers_of
 from frictionjax.recordings.readers.layout import (
     NUMBER,
     STAMP,
@@ -24,15 +25,21 @@ from frictionjax.recordings.readers.layout import (
     split,
     with_decimal_points,
 )
+from frictionjax.recordings.readers.packed import contents
 from frictionjax.recordings.words import shown
+
+_HEAD = 1 << 20
+"""Bytes from which the layout is read."""
 
 
 class TextTable(AbstractTable):
-    """A text file of columns: its text and its layout."""
+    """A text file of columns: its content, how that is encoded, whether its numbers have decimal commas, its layout."""
 
     path: Path = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
-    text: str = eqx.field(static=True)
+    data: bytes = eqx.field(static=True)
+    encoding: str = eqx.field(static=True)
+    decimal_comma: bool = eqx.field(static=True)
     layout: Layout
 
     def has(self, name: str) -> bool:
@@ -59,23 +66,47 @@ class TextTable(AbstractTable):
         return self._read([self._places(name)[0] for name in names])
 
     def _read(self, columns: list[int]) -> list[Float[np.ndarray, " _"]]:
-        values = self._read_fast()
+        layout = self.layout
+        if self.encoding == "utf-8-sig" and layout.separator is not None:
+            fast = numbers_of(
+                self.data,
+                columns,
+                layout.width,
+                layout.separator,
+                layout.start,
+                decimal_comma=self.decimal_comma,
+            )
+            if fast is not None:
+                return fast
+        text = self._text()
+        values = self._read_plainly(text)
         if values is None:
-            return self._read_slowly(columns)
+            return self._read_slowly(columns, text)
         return [np.ascontiguousarray(values[:, k]) for k in columns]
 
+    def _text(self) -> str:
+        """The whole content, with `\\n` line ends and decimal points."""
+        text = _decoded(self.data, self.encoding)
+        return (with_decimal_points(text) or text) if self.decimal_comma else text
+
+    def unit(self, name: str) -> str:
+        return self.layout.units.get(name, "")
+
+    def clock(self, name: str) -> None:
+        return None
+
     def place(self, index: int) -> str:
-        for count, (number, _) in enumerate(content_lines(self.text.split("\n"), self.layout.start)):
+        for count, (number, _) in enumerate(content_lines(self._text().split("\n"), self.layout.start)):
             if count == index:
                 return f"line {number}"
         return f"sample {index + 1}"
 
-    def _read_fast(self) -> Float[np.ndarray, "_ _"] | None:
+    def _read_plainly(self, text: str) -> Float[np.ndarray, "_ _"] | None:
         """All columns by NumPy's parser; None when it cannot read the file."""
-        comments = [sign for sign in "#%" if sign in self.text]
+        comments = [sign for sign in "#%" if sign in text]
         try:
             values = np.loadtxt(
-                io.StringIO(self.text),
+                io.StringIO(text),
                 delimiter=self.layout.separator,
                 comments=comments or None,
                 quotechar='"',
@@ -86,12 +117,12 @@ class TextTable(AbstractTable):
             return None
         return values if values.shape[1] == self.layout.width else None
 
-    def _read_slowly(self, columns: list[int]) -> list[Float[np.ndarray, " _"]]:
+    def _read_slowly(self, columns: list[int], text: str) -> list[Float[np.ndarray, " _"]]:
         """Line by line: right for files with text in unused columns, and able to name the place of an error."""
         rows: list[list[float]] = []
         origins: dict[int, datetime] = {}
         width = self.layout.width
-        for number, line in content_lines(self.text.split("\n"), self.layout.start):
+        for number, line in content_lines(text.split("\n"), self.layout.start):
             fields = split(re.split("[#%]", line, maxsplit=1)[0], self.layout.separator)
             if len(fields) == width + 1 and not fields[-1]:
                 fields = fields[:-1]
@@ -141,44 +172,68 @@ def open_text(path: Path) -> TextTable:
 
     **Arguments:**
 
-    - `path`: an existing file; gzip is recognised by the content, not by the suffix.
+    - `path`: an existing file; gzip and zip (of one file) are recognised by the content, not by the suffix.
 
     **Returns:** its table.
 
-    **Raises:** `InputError` for a file that is not text, a damaged gzip file, and one without numbers.
+    **Raises:** `InputError` for a file that is not text, a damaged packed file, and one without numbers.
+    """
+    return table_of(path, contents(path))
+
+
+def table_of(path: Path, data: bytes) -> TextTable:
+    """The table in the content of a text file, as from `open_text`.
+
+    **Arguments:**
+
+    - `path`: the file, for messages.
+    - `data`: its content, unpacked.
+
+    **Returns:** its table.
+
+    **Raises:** `InputError` for content that is not text, and without numbers.
     """
     file = shown(path, 200)
-    try:
-        data = content(path)
-    except OSError as error:
-        raise InputError(
-            f"cannot be opened ({shown(error.strerror)})", file=file, cure="Check its rights"
-        ) from None
-    text = _decode(data, file).replace("\r\n", "\n").replace("\r", "\n")
-    require_short_lines(text, file)
+    encoding = _encoding(data, file)
+    head = data
+    if len(data) > _HEAD and encoding != "utf-16":
+        head = data[: data.rfind(b"\n", 0, _HEAD) + 1] or data
+    require_short_lines(data, file)
+    text = _decoded(head, encoding)
     pointed = with_decimal_points(text)
     if pointed is not None:
         warnings.warn(
             FrictionjaxWarning(f"{file}: commas in numbers were read as decimal points."), stacklevel=2
         )
-        text = pointed
-    layout = find_layout(text, file)
-    return TextTable(path, layout.names, text, layout)
+    layout = find_layout(text if pointed is None else pointed, file)
+    return TextTable(path, layout.names, data, encoding, pointed is not None, layout)
 
 
-def _decode(data: bytes, file: str) -> str:
-    utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    if not utf16 and b"\0" in data:
+def _encoding(data: bytes, file: str) -> str:
+    """UTF-16 where the first bytes say so, else UTF-8 if all of it is, else Latin-1."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            data.decode("utf-16")
+        except UnicodeDecodeError:
+            raise InputError(
+                "the file is not UTF-16 text, as its first bytes say", file=file, cure="Save it as UTF-8"
+            ) from None
+        return "utf-16"
+    if b"\0" in data:
         raise InputError(
             "the file is binary, not text",
             file=file,
             cure="Export it as text, or give it the suffix of its format",
         )
-    for encoding in ("utf-16",) if utf16 else ("utf-8-sig", "latin-1"):
-        try:
-            return data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    raise InputError(
-        "the file is not UTF-16 text, as its first bytes say", file=file, cure="Save it as UTF-8"
-    )
+    if data.isascii():
+        return "utf-8-sig"
+    try:
+        data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def _decoded(data: bytes, encoding: str) -> str:
+    """Text with `\\n` line ends."""
+    return data.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")

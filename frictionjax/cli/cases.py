@@ -1,0 +1,195 @@
+"""From the options of a command to a case, and from recordings to a case file."""
+
+import os
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from frictionjax.recordings import Case
+
+OPTIONS = {
+    "holdout": "--holdout",
+    "name": "--name",
+    "motor_constant": "--motor-constant",
+    "inertia": "--inertia",
+    "encoder_step": "--encoder-step",
+    "position_unit": "--position-unit",
+    "force_unit": "--force-unit",
+    "input_unit": "--input-unit",
+    "sample_rate": "--sample-rate",
+    "columns": "--columns",
+    "units": "--unit",
+    "scale": "--scale",
+    "loop": "--loop",
+    "drive": "--drive",
+    "start_time": "--start-time",
+    "interval": "--interval",
+}
+"""Key of a case -> the option that sets it for recordings without a case file."""
+_BY_ROLE = ("columns", "units", "scale")
+_BY_FILE = ("start_time", "interval")
+
+
+def case_of(arguments: "argparse.Namespace") -> "Case":
+    """The case that the `arguments` of a command describe: a case file, or recordings and options."""
+    from frictionjax.core import InputError
+    from frictionjax.recordings import case_from_files, load_case
+
+    first, *others = arguments.inputs
+    case_files = [name for name in arguments.inputs if Path(name).suffix.lower() == ".toml"]
+    given = options_of(arguments)
+    if not case_files:
+        holdout = given.pop("holdout", [])
+        return case_from_files(arguments.inputs, holdout, limit=arguments.limit, **given)
+    if others or arguments.holdout:
+        problem = "a case file lists its own recordings, so it is the only argument"
+        raise InputError(problem, file=case_files[0], cure="Give one case file, or recordings only")
+    for key in given:
+        problem = f"`{OPTIONS[key]}` is for recordings without a case file"
+        raise InputError(problem, file=first, cure=f"Write {key} into the case file")
+    return load_case(first, allow_outside=arguments.allow_outside, limit=arguments.limit)
+
+
+def options_of(arguments: "argparse.Namespace") -> dict[str, Any]:
+    """The keywords of `case_from_files` that the `arguments` of a command set."""
+    from frictionjax.core import InputError
+
+    files = len(arguments.inputs) + len(arguments.holdout)
+    given: dict[str, Any] = {}
+    for key, option in OPTIONS.items():
+        value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
+        if value is None or value == []:
+            continue
+        if key in _BY_ROLE:
+            roles = [role for role, _ in value]
+            twice = next((role for role in roles if roles.count(role) > 1), None)
+            if twice:
+                raise InputError(f"`{option}` gives `{twice}` twice", cure="Give each role once")
+            value = dict(value)
+        elif key in _BY_FILE:
+            if len(value) not in (1, files):
+                raise InputError(
+                    f"`{option}` has {len(value)} values for {files} files",
+                    cure="Give one for all files, or one for each: fitted files first, held-out files last",
+                )
+            value = value * files if len(value) == 1 else value
+        given[key] = value
+    return given
+
+
+def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) -> str:
+    """A case file, TOML, to stand in `folder`, for the recordings that the `arguments` name and that were read as
+    `case`; each key with what it means, and those without a value as comments."""
+    given = options_of(arguments)
+    plant = case.plant
+    known = {
+        "motor_constant": plant.motor_constant,
+        "position_unit": _unless(plant.position_unit, "position"),
+        "force_unit": _unless(plant.force_unit, "force"),
+        "input_unit": _unless(plant.input_unit, "input"),
+        "encoder_step": plant.encoder_step,
+        "inertia": plant.inertia,
+    }
+    lines = [
+        "# Recordings of one machine. A line that starts with # is not read: fill it in and take the # away.",
+        f"name = {_toml(case.name)}",
+        "",
+        "[plant]",
+        *(_line(key, known[key], *_PLANT[key]) for key in known),
+    ]
+    files = [(name, "fit") for name in arguments.inputs] + [(name, "holdout") for name in arguments.holdout]
+    for place, (file, role) in enumerate(files):
+        values = {"file": Path(os.path.relpath(file, folder)).as_posix(), "role": role}
+        values |= {
+            key: given[key] for key in ("loop", "drive", "sample_rate", "units", "scale") if key in given
+        }
+        values["columns"] = _columns_of(file, given)
+        values |= {
+            key: list(given[key][place]) if key == "interval" else given[key][place]
+            for key in _BY_FILE
+            if key in given
+        }
+        lines += ["", "[[recording]]"]
+        lines += [_line(key, values.get(key), *_RECORDING[key]) for key in _RECORDING]
+        lines += [f"# {sentence}" for sentence in _seen(case, place, len(files))]
+    if len(files) == 1:
+        lines += [
+            "",
+            "# Of a single recording the last third is held out. A second one judges better:",
+            "# [[recording]]",
+        ]
+        lines += ['# file = "another.csv"', '# role = "holdout"']
+    text = "\n".join(lines) + "\n"
+    tomllib.loads(text)
+    return text
+
+
+def _columns_of(file: str, given: dict[str, Any]) -> dict[str, str]:
+    """Role -> column of a `file`, with what is `given` for all files."""
+    from frictionjax.recordings.columns import find_columns
+    from frictionjax.recordings.readers import open_table
+    from frictionjax.recordings.schema import Spot, parse_entry
+
+    keys = {key: given[key] for key in ("drive", "sample_rate", "columns") if key in given}
+    return find_columns(parse_entry({"file": file, **keys}, Spot(None)), open_table(Path(file))).names
+
+
+def _seen(case: "Case", place: int, files: int) -> tuple[str, ...]:
+    """What the audit says of the recording of a file, when each file is one recording."""
+    from frictionjax.recordings import audit
+
+    if len(case.recordings) != files:
+        return ()
+    return audit(case.recordings[place], case.plant).sentences()
+
+
+def _unless(text: str, default: str) -> str | None:
+    return None if text == default else text
+
+
+def _line(key: str, value: Any, example: Any, meaning: str) -> str:
+    written = f"{key} = {_toml(example if value is None else value)}"
+    return f"{'# ' if value is None else ''}{written:<44}  # {meaning}"
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML; text with JSON's escapes, which are TOML's."""
+    import json
+
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(float(value))
+
+
+_PLANT: dict[str, tuple[Any, str]] = {
+    "motor_constant": (1.0, "force or torque per input unit; without it every force is per input unit"),
+    "position_unit": (
+        "rad",
+        'any text; columns with a unit are converted to it; "rad" also says that x is an angle',
+    ),
+    "force_unit": ("N*m", "unit of force in the result"),
+    "input_unit": ("A", "unit of u"),
+    "encoder_step": (1e-6, "quantum of the position sensor, position units"),
+    "inertia": (0.01, "known inertia or mass; without it, it is identified"),
+}
+"""Key of `[plant]` -> an example and what it means."""
+_RECORDING: dict[str, tuple[Any, str]] = {
+    "file": ("run.csv", "relative to this file"),
+    "role": ("fit", '"fit", or "holdout": judges the result, and is not fitted'),
+    "loop": ("open", '"closed" where u answers to the measured x'),
+    "drive": ("force", '"motion" where the position is imposed and the force is measured'),
+    "start_time": (0.0, "s since power-on: a common clock for warm-up"),
+    "sample_rate": (2000.0, "Hz, for a file without a time column"),
+    "columns": ({"t": "Time", "u": "Current", "x": "Position"}, "which column is which, by header or number"),
+    "units": ({"t": "ms", "x": "deg"}, "units of columns whose headers do not say them"),
+    "scale": ({"u": -1.0}, "factors to the units above, such as a sign"),
+    "interval": ([0.0, 12.5], "s of the file's own time: the part to use"),
+}
+"""Key of `[[recording]]` -> an example and what it means."""

@@ -1,0 +1,208 @@
+"""The commands that compute one thing: `fit`, `frf`, `simulate`."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from frictionjax.cli.cases import case_of
+from frictionjax.cli.terminal import Terminal, say, say_json
+
+if TYPE_CHECKING:
+    import argparse
+
+    from frictionjax.core import Estimate
+    from frictionjax.physics import Drive
+    from frictionjax.recordings import Case, Recording
+
+
+def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax fit`."""
+    from frictionjax.estimation import fit
+    from frictionjax.exchange import save_fit
+    from frictionjax.exchange.fit_file import fit_to_json
+
+    _check_folder(arguments.out)
+    case = case_of(arguments)
+    plant = case.plant
+    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
+    terminal.progress("starting values", 0.0)
+    result = fit(
+        _starts(case, arguments.effect),
+        case.fit_recordings,
+        known_inertia=plant.inertia is not None,
+        encoder_step=plant.encoder_step,
+        units=units,
+        progress=terminal.progress,
+    )
+    if arguments.out is not None:
+        save_fit(result, arguments.out)
+    terminal.close()
+    if arguments.json:
+        say_json(json.loads(fit_to_json(result)))
+        return
+    say(_estimate_lines(result.parameters))
+    say(["", result.message or "The fit converged."])
+    if arguments.out is not None:
+        say(["", f"Written: {arguments.out}"])
+
+
+def _starts(case: "Case", effects: list[str]) -> "list[Drive]":
+    """Starting values from the recordings of a `case`, with `effects` at zero strength beside the base model."""
+    from frictionjax.cli.catalogue import forms_of
+    from frictionjax.estimation.start.driven import starting_values
+    from frictionjax.estimation.start.imposed import starting_values_imposed
+
+    forms = [forms_of(name)[0] for name in effects]
+    recordings, plant = case.fit_recordings, case.plant
+    if recordings[0].drive == "motion":
+        start = starting_values_imposed(recordings)
+    else:
+        start = starting_values(recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia)
+    known = {} if plant.inertia is None else {"J": plant.inertia}
+    return [
+        dataclasses.replace(drive, effects=tuple(form() for form in forms), **known) for drive in start.drives
+    ]
+
+
+def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax frf`."""
+    import numpy as np
+
+    from frictionjax.core import InputError
+    from frictionjax.core.json import plain_json
+    from frictionjax.frequency import estimate_frf, fit_sk
+
+    _check_folder(arguments.out)
+    case = case_of(arguments)
+    recording, plant = _chosen(case, arguments.recording), case.plant
+    if recording.drive == "motion":
+        raise InputError(
+            "its motion is imposed, so it has no input that the position answers to",
+            file=recording.name,
+            cure='Give a recording with drive = "force"',
+        )
+    response = estimate_frf(recording.u, recording.x, recording.sample_rate, segment=arguments.segment)
+    fitted = None
+    if arguments.band is not None:
+        units = {"force": plant.force_unit, "position": plant.position_unit}
+        fitted = fit_sk(
+            response, tuple(arguments.band), motor_constant=plant.motor_constant or 1.0, units=units
+        )
+    if arguments.out is not None:
+        values = np.asarray(response.response)
+        columns = (response.frequency, values.real, values.imag, response.coherence, response.std)
+        _write_csv(arguments.out, "frequency,real,imaginary,coherence,std", columns)
+    terminal.close()
+    names = ("J", "stiffness", "damping", "natural_frequency", "damping_ratio")
+    found = {} if fitted is None else {name: getattr(fitted, name) for name in names}
+    if arguments.json:
+        content = {"recording": recording.name, "segment": arguments.segment, "band": arguments.band}
+        content |= {"parameters": found, "warnings": () if fitted is None else fitted.warnings}
+        say_json(plain_json(content))
+        return
+    frequency, coherence = np.asarray(response.frequency), np.asarray(response.coherence)
+    say([f"{recording.name}: {frequency.size} frequencies to {frequency[-1]:.5g} Hz, {frequency[1]:.4g} Hz apart; "
+         f"{float(response.averages_effective):.3g} independent averages; median coherence "
+         f"{float(np.median(coherence[1:])):.2f}."])  # fmt: skip
+    if fitted is None:
+        say(
+            [
+                "No system was fitted: give the band of frequencies in which the machine sticks, --band LOW HIGH."
+            ]
+        )
+    else:
+        say(_estimate_lines(found))
+        say(fitted.warnings)
+    if arguments.out is not None:
+        say(["", f"Written: {arguments.out}"])
+
+
+def simulate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax simulate`."""
+    import numpy as np
+
+    from frictionjax.exchange import load_fit
+    from frictionjax.simulation import simulate, simulate_imposed
+
+    _check_folder(arguments.out)
+    drive = load_fit(arguments.model).drive
+    case = case_of(arguments)
+    recording, plant = _chosen(case, arguments.recording), case.plant
+    terminal.progress("simulating", 0.5)
+    if recording.drive == "motion":
+        answer, unit, measured = "force", plant.force_unit, np.asarray(recording.force)
+        simulated = np.asarray(simulate_imposed(drive, recording.x, recording.sample_rate).friction)
+    else:
+        answer, unit, measured = "x", plant.position_unit, recording.x
+        simulated = np.asarray(simulate(drive, recording.u, recording.sample_rate, x0=recording.x[0]).x)
+    cause = recording.x if answer == "force" else recording.u
+    header = f"t,{'x' if answer == 'force' else 'u'},{answer},{answer}_simulated"
+    _write_csv(arguments.out, header, (recording.t, cause, measured, simulated))
+    terminal.close()
+    error = float(np.sqrt(np.mean((simulated - measured) ** 2)))
+    say([f"{recording.name}: {answer} simulated from the input alone differs by {error:.4g} {unit} (root mean square).",
+         f"Written: {arguments.out}"])  # fmt: skip
+
+
+def _chosen(case: "Case", name: str | None) -> "Recording":
+    """The recording of a case with this name; the first one where none is given."""
+    from frictionjax.core import InputError
+    from frictionjax.recordings.words import listed
+
+    names = [recording.name for recording in case.recordings]
+    if name is not None and name not in names:
+        raise InputError(
+            f"there is no recording {name!r}",
+            file=case.name,
+            cure=f"`--recording` is one of: {listed(names)}",
+        )
+    return case.recordings[0 if name is None else names.index(name)]
+
+
+def _check_folder(out: Path | None) -> None:
+    """Refuse an output in a folder that is not there, before the work."""
+    from frictionjax.core import InputError
+
+    if out is not None and not out.parent.is_dir():
+        raise InputError(
+            "there is no such folder", file=out.parent, cure="Make it, or choose another name for `--out`"
+        )
+    if out is not None and out.is_dir():
+        raise InputError("is a folder", file=out, cure="Name a file in it for `--out`")
+
+
+def _write_csv(path: Path, header: str, columns: tuple) -> None:
+    """Columns of numbers as CSV, whole or not at all."""
+    import os
+
+    import numpy as np
+
+    from frictionjax.core import InputError
+
+    fresh = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            np.savetxt(fresh, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+            fresh.replace(path)
+        finally:
+            fresh.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot be written ({error.strerror})", file=path, cure="Choose another name for `--out`"
+        ) from error
+
+
+def _estimate_lines(found: "dict[str, Estimate]") -> list[str]:
+    """One line an estimate: name, value, standard error, unit."""
+    width = max((len(name) for name in found), default=0)
+    lines = []
+    for name, one in found.items():
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        value = (
+            f"{one.value:.5g} +- {one.stderr:.2g}{unit}"
+            if one.identified
+            else f"{one.value:.5g}{unit} (not determined)"
+        )
+        lines.append(f"{name:<{width}}  {value}")
+    return lines

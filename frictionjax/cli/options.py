@@ -1,0 +1,384 @@
+"""The commands of the program and their options."""
+
+import argparse
+from pathlib import Path
+from typing import Any, NoReturn
+
+from frictionjax import __version__
+
+_DESCRIPTION = (
+    "Friction identification: where a machine differs from its model, which physics is missing, "
+    "and whether the answer is confirmed on held-out recordings."
+)
+_FIRST_STEPS = """first steps:
+  frictionjax demo                                        a simulated machine, its diagnosis, the truth
+  frictionjax check run.csv                               what is in a file, in seconds
+  frictionjax diagnose run.csv --out result               name what is missing
+  frictionjax case new run1.csv run2.csv > case.toml      write down what the files cannot say
+"""
+_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply"
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"frictionjax: error: {message}. See `{self.prog} --help`.\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole program."""
+    whole = _Parser(prog="frictionjax", description=_DESCRIPTION, epilog=_FIRST_STEPS)
+    whole.add_argument("--version", action="version", version=f"frictionjax {__version__}")
+    commands = whole.add_subparsers(dest="command", required=True, metavar="command")
+    _diagnose(commands)
+    _check(commands)
+    _case(commands)
+    _fit(commands)
+    _frf(commands)
+    _simulate(commands)
+    _effects(commands)
+    _explain(commands)
+    _demo(commands)
+    _paper(commands)
+    return whole
+
+
+def _command(
+    commands: Any, name: str, summary: str, description: str, *examples: str
+) -> argparse.ArgumentParser:
+    epilog = "\n".join(["examples:", *(f"  {example}" for example in examples)]) if examples else None
+    return commands.add_parser(name, help=summary, description=description, epilog=epilog)
+
+
+def _diagnose(commands: Any) -> None:
+    command = _command(
+        commands,
+        "diagnose",
+        "name what is missing in the model of a recorded machine",
+        "Diagnose one case: a case file, or recordings without one and the options below.",
+        "frictionjax diagnose case.toml --out result",
+        "frictionjax diagnose run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out result",
+        'frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle --unit t=ms x=deg --out result',
+    )
+    _inputs(command)
+    command.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
+    )
+    _json(command, "verdict.json")
+    _case_options(command)
+
+
+def _check(commands: Any) -> None:
+    command = _command(
+        commands,
+        "check",
+        "read files, draw them, say what they contain and what could be learnt",
+        "Read recordings as `diagnose` would, without fitting anything: sampling, noise, regimes of friction, faults, "
+        "and which effects these recordings could show.",
+        "frictionjax check run1.csv run2.csv --holdout run3.csv",
+        "frictionjax check case.toml --picture case.png",
+    )
+    _inputs(command)
+    command.add_argument(
+        "--picture",
+        type=Path,
+        default=Path("frictionjax-check.png"),
+        metavar="FILE",
+        help="where the recordings are drawn, as PNG (default: %(default)s)",
+    )
+    _json(command, "what is printed")
+    _case_options(command)
+
+
+def _case(commands: Any) -> None:
+    command = _command(
+        commands, "case", "case files", "Case files: what recordings cannot say of themselves."
+    )
+    actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
+    new = _command(
+        actions,
+        "new",
+        "write a commented case file for recordings",
+        "Read recordings and print a case file for them, with every key explained.",
+        "frictionjax case new run1.csv run2.csv --holdout run3.csv > case.toml",
+    )
+    new.add_argument("inputs", nargs="+", metavar="FILE", help="the recordings to fit")
+    new.add_argument(
+        "--out", type=Path, metavar="FILE", help="write it there, unless it exists, and not to stdout"
+    )
+    _case_options(new)
+
+
+def _fit(commands: Any) -> None:
+    command = _command(
+        commands,
+        "fit",
+        "fit the LuGre model and the inertia, by maximum likelihood",
+        "Fit the base model, with effects that are already known, to the recordings that are not held out.",
+        "frictionjax fit run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out fit.json",
+        "frictionjax fit case.toml --effect return_spring constant_load",
+    )
+    _inputs(command)
+    command.add_argument(
+        "--effect",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="effects to fit beside the base model",
+    )
+    command.add_argument("--out", type=Path, metavar="FILE", help="also write the result there, as JSON")
+    _json(command, "the fit")
+    _case_options(command)
+
+
+def _frf(commands: Any) -> None:
+    command = _command(
+        commands,
+        "frf",
+        "frequency response of a recording in stick, and the second-order system in it",
+        "Estimate the frequency response from input to position, and fit inertia, stiffness and damping to it.",
+        "frictionjax frf noise.csv --band 2 150 --motor-constant 16",
+    )
+    _inputs(command)
+    command.add_argument(
+        "--recording", metavar="NAME", help="which recording of the case (default: the first)"
+    )
+    command.add_argument(
+        "--band",
+        nargs=2,
+        type=float,
+        metavar=("LOW", "HIGH"),
+        help="Hz that the second-order system is fitted to",
+    )
+    command.add_argument(
+        "--segment", type=int, default=8192, metavar="N", help="samples of a segment (default: %(default)s)"
+    )
+    command.add_argument(
+        "--out", type=Path, metavar="FILE", help="write frequency, response and coherence there, CSV"
+    )
+    _json(command, "the fitted system")
+    _case_options(command)
+
+
+def _simulate(commands: Any) -> None:
+    command = _command(
+        commands,
+        "simulate",
+        "run a fitted drive, or the model of a verdict, on a recorded input",
+        "Simulate a fit of `frictionjax fit` on the inputs of recordings, from their first sample on.",
+        "frictionjax simulate fit.json run3.csv --out simulated.csv",
+    )
+    command.add_argument("model", metavar="FIT", help="a fit, as `frictionjax fit --out` writes it")
+    _inputs(command)
+    command.add_argument(
+        "--recording", metavar="NAME", help="which recording of the case (default: the first)"
+    )
+    command.add_argument(
+        "--out",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="where t, u, measured and simulated x, and v go, CSV",
+    )
+    _case_options(command)
+
+
+def _effects(commands: Any) -> None:
+    command = _command(
+        commands,
+        "effects",
+        "list the effects that can be named, or describe one",
+        "The catalogue of effects: what each is, where it shows, what it is confused with.",
+        "frictionjax effects",
+        "frictionjax effects creep",
+    )
+    command.add_argument("name", nargs="?", metavar="NAME", help="the effect to describe")
+    _json(command, "the same")
+
+
+def _explain(commands: Any) -> None:
+    command = _command(
+        commands,
+        "explain",
+        "why an effect was named or not",
+        "Read a verdict and say why an effect was named in it, was not, or could not be tested.",
+        "frictionjax explain result creep",
+    )
+    command.add_argument("verdict", metavar="VERDICT", help="verdict.json, or the folder that holds it")
+    command.add_argument("effect", metavar="EFFECT", help="the name of an effect")
+
+
+def _demo(commands: Any) -> None:
+    command = _command(
+        commands,
+        "demo",
+        "diagnose a simulated machine, then compare with the truth",
+        "Write a case of a simulated machine, diagnose it, and print the true model beside the verdict.",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("frictionjax-demo"),
+        metavar="DIR",
+        help="where the result and DIR/case go (default: %(default)s)",
+    )
+    command.add_argument(
+        "--seed", type=int, metavar="N", help="seed of the machine's parameters and of all noise"
+    )
+
+
+def _paper(commands: Any) -> None:
+    command = _command(
+        commands,
+        "paper",
+        "the figures and tables of Hensen, van de Molengraft, Steinbuch (2002), reproduced",
+        "Run every experiment of the paper on synthetic machines, in about two minutes: figures as PNG and "
+        "SVG, and tables.json with every number beside its reference value.",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("frictionjax-paper"),
+        metavar="DIR",
+        help="where the figures and tables.json go (default: %(default)s)",
+    )
+    command.add_argument(
+        "--real", type=Path, metavar="DIR", help="a folder with MultisineTypeB.mat, a motor bench"
+    )
+    command.add_argument(
+        "--diagnose",
+        action="store_true",
+        help="also diagnose the twins whose friction is not LuGre: minutes more",
+    )
+    command.add_argument(
+        "--quick", action="store_true", help="fewer data and seeds: faster, with less accurate numbers"
+    )
+    command.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of all noise (default: %(default)s)"
+    )
+
+
+def _inputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "inputs", nargs="+", metavar="FILE", help="one case file (.toml), or the recordings to fit"
+    )
+
+
+def _json(command: argparse.ArgumentParser, what: str) -> None:
+    command.add_argument(
+        "--json", action="store_true", help=f"print {what} as JSON on stdout, and nothing else"
+    )
+
+
+def _case_options(command: argparse.ArgumentParser) -> None:
+    """What may be read, and the keys of a case file as options."""
+    command.add_argument(
+        "--allow-outside", action="store_true", help="let the case file name recordings outside of its folder"
+    )
+    command.add_argument(
+        "--limit", type=float, metavar="GB", help="the most that is read of one file, unpacked (default: 0.5)"
+    )
+    group = command.add_argument_group(
+        "for recordings without a case file (which sets these itself)",
+        f"Roles of columns are {_ROLES}. One option may carry several values; end them with another option, or "
+        "write the files first.",
+    )
+    group.add_argument(
+        "--holdout",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="RECORDING",
+        help="held-out recordings, which judge the result (by default, the last third of a single recording)",
+    )
+    group.add_argument("--name", metavar="TEXT", help="name of the case (default: that of the first file)")
+    group.add_argument(
+        "--motor-constant", type=float, metavar="KM", help="force or torque per input unit, when known"
+    )
+    group.add_argument(
+        "--inertia", type=float, metavar="J", help="known inertia or mass (default: identified)"
+    )
+    group.add_argument(
+        "--encoder-step", type=float, metavar="STEP", help="quantum of the position sensor, position units"
+    )
+    for quantity in ("position", "force", "input"):
+        group.add_argument(
+            f"--{quantity}-unit",
+            metavar="UNIT",
+            help=f"unit of {quantity} in the result, such as {_UNITS[quantity]} (default: SI, where a column says its)",
+        )
+    group.add_argument(
+        "--sample-rate", type=float, metavar="HZ", help="needed when files have no time column"
+    )
+    _pairs(group, "--columns", "COLUMN", str, "the column of each role, by its header or its number")
+    _pairs(
+        group,
+        "--unit",
+        "UNIT",
+        str,
+        "the unit of a column, where its header does not say it: t=ms x=deg u=mA",
+    )
+    _pairs(
+        group, "--scale", "FACTOR", float, "factors that columns are multiplied by to reach the units: u=-1"
+    )
+    group.add_argument(
+        "--loop",
+        choices=("open", "closed"),
+        help="closed: the input answers to the measured position (default: open)",
+    )
+    group.add_argument(
+        "--drive",
+        choices=("force", "motion"),
+        help="force: the input is applied; motion: the position is imposed, the force is measured (default: force)",
+    )
+    group.add_argument(
+        "--start-time",
+        nargs="+",
+        type=float,
+        metavar="S",
+        help="s since power-on of the first sample: one, or one for each file in order, held-out files last",
+    )
+    group.add_argument(
+        "--interval",
+        nargs="+",
+        type=_interval,
+        metavar="FROM:TO",
+        help="the part to use, s of the file's own time: one, or one for each file in order, held-out files last",
+    )
+
+
+_UNITS = {"position": "rad", "force": "N*m", "input": "V"}
+
+
+def _pairs(group: Any, option: str, value: str, kind: type, meaning: str) -> None:
+    def pair(text: str) -> tuple[str, Any]:
+        role, sign, given = text.partition("=")
+        if not sign or not role.strip() or not given.strip():
+            problem = f"{text!r} is not ROLE={value}, such as {_EXAMPLES[option]}"
+            raise argparse.ArgumentTypeError(f"{problem}; files stand before the options")
+        try:
+            return role.strip(), kind(given)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{given!r} in {text!r} is not a number") from None
+
+    group.add_argument(option, nargs="+", action="extend", type=pair, metavar=f"ROLE={value}", help=meaning)
+
+
+_EXAMPLES = {"--columns": "x=Position", "--unit": "x=mm", "--scale": "u=-1"}
+
+
+def _interval(text: str) -> tuple[float, float]:
+    first, sign, last = text.partition(":")
+    try:
+        if not sign:
+            raise ValueError
+        return float(first), float(last)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not FROM:TO, such as 0:12.5; files stand before the options"
+        ) from None

@@ -1,0 +1,91 @@
+"""Time as files have it: counted from 1970 in parts of a second, or with a clock of its own for each channel."""
+
+import numpy as np
+from jaxtyping import Float
+
+from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.words import shown
+
+_SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
+"""The first seconds of the years 2000 and 2100, s since 1970."""
+_PARTS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SLOWEST_EPOCH = 2.0
+"""Longest step of a clock that counts from 1970, s: a machine's uptime in a smaller part of a second, which may have
+the same size, would then step by hours."""
+
+
+FASTEST_LOG = 1e5
+"""Hz; a header whose unit of time would make a log faster than this is not believed where the stamps in s are usual."""
+_USUAL = (20.0, FASTEST_LOG)
+"""Sample rates of servo logs, Hz."""
+
+
+def contradicts(stamps: Float[np.ndarray, " n"], factor: float) -> bool:
+    """Whether time stamps cannot be in the unit that their header says: in it the log would be faster than any, and
+    in s it has a usual rate.
+
+    **Arguments:**
+
+    - `stamps`: as the file has them, shape `(n,)`.
+    - `factor`: from the header's unit to s.
+
+    **Returns:** True where the header is not to be believed.
+    """
+    step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    return step > 0.0 and 1.0 / (step * factor) > FASTEST_LOG and _USUAL[0] <= 1.0 / step <= _USUAL[1]
+
+
+def seconds(stamps: Float[np.ndarray, " n"], column: str) -> tuple[Float[np.ndarray, " n"], str]:
+    """Time stamps without a unit in s: counts since 1970 in ms, us or ns are recognised by their size.
+
+    **Arguments:**
+
+    - `stamps`: as the file has them, shape `(n,)`.
+    - `column`: the column's name, for the sentence.
+
+    **Returns:** the stamps, s, shape `(n,)`, and a sentence on how they were read, empty where they were in s.
+    """
+    if stamps.size < 2 or not np.isfinite(stamps).all():
+        return stamps, ""
+    step = float(np.median(np.diff(stamps)))
+    for unit, factor in _PARTS.items():
+        low, high = (bound / factor for bound in _SINCE_1970)
+        if low <= stamps[0] < high and 0.0 < step * factor <= _SLOWEST_EPOCH:
+            return stamps * factor, f"`{shown(column)}` was read as {unit} since 1970"
+    return stamps, ""
+
+
+def on_one_clock(
+    values: dict[str, Float[np.ndarray, " _"]], names: dict[str, str], table: AbstractTable
+) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
+    """Channels with clocks of their own at the times of x: the input held, the others on straight lines.
+
+    **Arguments:**
+
+    - `values`: role -> values as the file has them.
+    - `names`: role -> column.
+    - `table`: the file, which knows the clocks.
+
+    **Returns:** role -> values, with the times of x as `t` where no column is time, as far as every clock runs; and
+    sentences on what was brought to other times.
+    """
+    clock = table.clock(names["x"])
+    if clock is None or "t" in values:
+        return values, ()
+    own = {role: times for role, name in names.items() if (times := table.clock(name)) is not None}
+    first, last = max(times[0] for times in own.values()), min(times[-1] for times in own.values())
+    kept = np.flatnonzero((clock >= first) & (clock <= last))
+    said, brought = [], {"t": clock[kept]}
+    for role, channel in values.items():
+        times = own.get(role)
+        if times is None:
+            brought[role] = channel
+        elif np.array_equal(times, clock):
+            brought[role] = channel[kept]
+        elif role == "u":
+            brought[role] = channel[np.searchsorted(times, clock[kept], side="right") - 1]
+            said.append("u has a clock of its own: it was held until the times of x")
+        else:
+            brought[role] = np.interp(clock[kept], times, channel)
+            said.append(f"{role} has a clock of its own: it was interpolated at the times of x")
+    return brought, tuple(said)

@@ -1,0 +1,66 @@
+"""LabVIEW: `.tdms`."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from frictionjax.core import InputError
+from frictionjax.recordings.readers.arrays import ArrayTable, Collected
+from frictionjax.recordings.readers.extra import library
+from frictionjax.recordings.words import shown
+
+
+def open_tdms(path: Path) -> ArrayTable:
+    """Open a TDMS file.
+
+    **Arguments:**
+
+    - `path`: an existing file.
+
+    **Returns:** its table: channels by their names, or as `group/channel` where a name occurs twice; with their unit,
+    and the clock of a waveform.
+
+    **Raises:** `InputError` where npTDMS is absent, for a damaged file, and one without a channel of numbers.
+    """
+    nptdms = library("nptdms", path)
+    found = Collected("channel")
+    try:
+        with nptdms.TdmsFile.open(path) as file:
+            channels = [channel for group in file.groups() for channel in group.channels()]
+            names = [channel.name for channel in channels]
+            for channel in channels:
+                group = channel.group_name
+                name = channel.name if names.count(channel.name) == 1 else f"{group}/{channel.name}"
+                found.add_later(
+                    name, (len(channel),), np.dtype(channel.dtype), _reading(path, group, channel.name)
+                )
+                if name not in found.columns:
+                    continue
+                if unit := str(channel.properties.get("unit_string", "")):
+                    found.units[name] = unit
+                if "wf_increment" in channel.properties:
+                    found.clocks[name] = _clock(
+                        float(channel.properties.get("wf_start_offset", 0.0)),
+                        float(channel.properties["wf_increment"]),
+                        len(channel),
+                    )
+    except (OSError, ValueError, KeyError, EOFError, TypeError, IndexError) as error:
+        raise InputError(
+            f"is not a TDMS file that can be read ({shown(error, 80)})",
+            file=shown(path, 200),
+            cure="Export it again, or as text",
+        ) from None
+    return found.table(path)
+
+
+def _reading(path: Path, group: str, channel: str) -> Callable[[int | None], np.ndarray]:
+    def read(_: int | None) -> np.ndarray:
+        with library("nptdms", path).TdmsFile.open(path) as file:
+            return np.asarray(file[group][channel][:])
+
+    return read
+
+
+def _clock(offset: float, increment: float, samples: int) -> Callable[[], np.ndarray]:
+    return lambda: offset + increment * np.arange(samples)
