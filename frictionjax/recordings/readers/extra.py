@@ -7,7 +7,8 @@ from types import ModuleType
 from frictionjax.core import InputError
 from frictionjax.recordings.words import shown
 
-INSTALL = 'python -m pip install "frictionjax[files]"'
+_EXTRAS = {"asammdf": "mdf"}
+"""Library -> the extra that installs it, where that is not `files`."""
 
 
 def library(name: str, path: Path) -> ModuleType:
@@ -24,11 +25,11 @@ def library(name: str, path: Path) -> ModuleType:
     """
     try:
         return importlib.import_module(name)
-    except ImportError:
+    except ImportError as error:
         raise InputError(
-            f"this format is read by the library {name.split('.')[0]}, which is not installed",
+            f"this format is read by the library {name}, which is not installed ({shown(error)})",
             file=shown(path, 200),
-            cure=f"Install what reads it: {INSTALL}",
+            cure=f'Install it: python -m pip install "frictionjax[{_EXTRAS.get(name, "files")}]"',
         ) from None
 
 

@@ -168,7 +168,9 @@ def _header_block(above: list[tuple[int, str]], separator: str | None, width: in
             break
         block.insert(0, names)
         below = number
-    return block
+    # A line of a preamble that a spreadsheet has filled up with empty fields is no header.
+    filled = [sum(map(bool, names)) for names in block]
+    return block[filled.index(max(filled)) :] if block else block
 
 
 def _units(block: list[list[str]]) -> dict[str, str]:

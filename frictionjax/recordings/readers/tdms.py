@@ -26,7 +26,8 @@ def open_tdms(path: Path) -> ArrayTable:
     nptdms = library("nptdms", path)
     found = Collected("channel")
     try:
-        with nptdms.TdmsFile.open(path) as file:
+        # A stream of ours is closed whatever happens.
+        with path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
             channels = [channel for group in file.groups() for channel in group.channels()]
             names = [channel.name for channel in channels]
             for channel in channels:
@@ -56,7 +57,7 @@ def open_tdms(path: Path) -> ArrayTable:
 
 def _reading(path: Path, group: str, channel: str) -> Callable[[int | None], np.ndarray]:
     def read(_: int | None) -> np.ndarray:
-        with library("nptdms", path).TdmsFile.open(path) as file:
+        with path.open("rb") as stream, library("nptdms", path).TdmsFile.open(stream) as file:
             return np.asarray(file[group][channel][:])
 
     return read
