@@ -45,7 +45,8 @@ def _is_copy(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " m"]) -> bo
     # A few places show of most pairs that they differ: hundreds of recordings make thousands of pairs.
     few = np.arange(0, size - 2, max(size // _FIRST_LOOK, 1))
     rounding = 8.0 * float(np.spacing(max(np.abs(one).max(), np.abs(other).max())))
-    bent, changed = _compared(*(x[few + 2] - 2.0 * x[few + 1] + x[few] for x in (one, other)), rounding)
+    first, second = (x[few + 2] - 2.0 * x[few + 1] + x[few] for x in (one, other))
+    bent, changed = _compared(first, second, rounding)
     if changed > max(0.5 * bent, _LEAST):
         return False
     if abs(float(np.median(one - other))) > rounding:
