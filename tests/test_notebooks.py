@@ -23,13 +23,11 @@ def test_there_is_the_paper():
     assert "01_the_paper.ipynb" in [path.name for path in NOTEBOOKS]
 
 
-KEPT = ("04_full_refit", "05_your_own_effect")
-"""Notebooks with the outputs of a whole run, by `python notebooks/keep_outputs.py`."""
+KEPT = ("00_quickstart", "04_full_refit", "05_your_own_effect")
+"""Notebooks with the outputs of a whole run, by `python notebooks/keep_outputs.py`; their cells are executed in this
+process, without their diagnosis and their fits."""
 
-HERE = ("00_quickstart", *KEPT)
-"""Notebooks whose cells are executed in this process, without their diagnosis and their fits."""
-
-IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in HERE]
+IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in KEPT]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -138,7 +136,7 @@ def test_an_effect_of_ones_own_is_simulated_and_drawn(monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stem", HERE)
+@pytest.mark.parametrize("stem", KEPT)
 def test_a_notebook_that_is_executed_here_runs_whole(stem, monkeypatch):
     for name in ("JAX_ENABLE_X64", "XLA_FLAGS", "MPLBACKEND", "FRICTIONJAX_SMALL"):
         monkeypatch.delenv(name, raising=False)

@@ -34,7 +34,7 @@ def explain_effect(diagnosis: Any, effect: str) -> str:
                 f"These recordings cannot distinguish it from {found.effect}. {found.split_by}".strip()
             )
     sizes = [
-        f"{name} {value:.2g} {row.units.get(name, '')}".strip()
+        f"{name} {value:.2g} {'' if row.units.get(name) == '1' else row.units.get(name, '')}".strip()
         for name, value in row.minimum_detectable.items()
         if np.isfinite(value)
     ]

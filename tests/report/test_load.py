@@ -70,6 +70,7 @@ def test_what_is_not_finite_comes_back_as_such(tmp_path):
     assert math.isnan(next(c for c in found.candidates if c.effect == "backlash").p_value)
     assert found.missing[0].next_experiment.between == ("maxwell_slip", "elasto_plastic")
     assert "is named" in found.explain("maxwell_slip")
+    assert found.explain("maxwell_slip").endswith("would show: share 0.01.")
 
 
 @pytest.mark.parametrize(

@@ -175,6 +175,15 @@ def test_a_diagnosis_shows_the_recording_and_the_place_of_the_largest_mismatch()
     labels = [text.get_text() for text in error.get_legend().get_texts()]
     assert labels == ["base model: 665 nrad rms", "extended model: 102 nrad rms"]
     assert len(adequate_diagnosis().plot()) == 2
+    better = dataclasses.replace(
+        found.recordings[1], role="holdout", name="better", prediction_rmse_extended=1e-9
+    )
+    low = dataclasses.replace(found.mismatch[0], axis="frequency", excess=1e9)
+    high = dataclasses.replace(low, excess=1.0)
+    changed = (*found.mismatch, low, high)
+    both = dataclasses.replace(found, recordings=(*found.recordings, better), mismatch=changed).plot()
+    assert "better (held out)" in both[0].get_title()
+    assert both[1].get_title() == "where the mismatch is: since reversal"
     with pytest.raises(fj.InputError, match="has no recordings"):
         dataclasses.replace(found, recordings=()).plot()
 

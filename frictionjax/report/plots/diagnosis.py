@@ -29,7 +29,7 @@ def draw_diagnosis(diagnosis: Diagnosis, place: Place, units: Mapping[str, str] 
     mapped = [["error", "error", "where"], ["force", "force", "where"]]
     panels = new_axes(mapped if diagnosis.mismatch else [["error"], ["force"]], place, ("error", "force"))
     extended = is_extended(diagnosis)
-    recording = _telling(diagnosis)
+    recording = _telling(diagnosis, extended)
     _errors(panels["error"], diagnosis, recording, extended)
     _forces(panels["force"], diagnosis, recording, extended)
     window = zoom(recording)
@@ -42,13 +42,17 @@ def draw_diagnosis(diagnosis: Diagnosis, place: Place, units: Mapping[str, str] 
     return panels
 
 
-def _telling(diagnosis: Diagnosis) -> RecordingFit:
-    """The recording whose prediction error is largest over its noise floor; a held-out one if there is any."""
+def _telling(diagnosis: Diagnosis, extended: bool) -> RecordingFit:
+    """The recording that the extended model improves most; without one, that with the largest error over its noise
+    floor. A held-out recording if there is any."""
     ordered = holdout_first(diagnosis.recordings)
     held_out = [one for one in ordered if one.role == "holdout"] or ordered
-    return max(
-        held_out, key=lambda one: one.prediction_rmse_base / one.noise_floor if one.noise_floor > 0.0 else 0.0
-    )
+
+    def worth(one: RecordingFit) -> float:
+        least = one.prediction_rmse_extended if extended else one.noise_floor
+        return one.prediction_rmse_base / least if least > 0.0 else 0.0
+
+    return max(held_out, key=worth)
 
 
 def _errors(panel: Axes, diagnosis: Diagnosis, recording: RecordingFit, extended: bool) -> None:
@@ -72,7 +76,7 @@ def _errors(panel: Axes, diagnosis: Diagnosis, recording: RecordingFit, extended
     panel.set_title(
         f"{diagnosis.case}: {diagnosis.verdict}. Close-up of {recording.name} ({role})", fontsize=8.5
     )
-    legend(panel, loc="upper right")
+    legend(panel, loc="best")
 
 
 def _forces(panel: Axes, diagnosis: Diagnosis, recording: RecordingFit, extended: bool) -> None:
@@ -94,6 +98,8 @@ def _where(panel: Axes, mismatch: Sequence[MismatchBin], extended: bool) -> None
     by_axis: dict[str, list[MismatchBin]] = {}
     for cell in mismatch:
         by_axis.setdefault(cell.axis, []).append(cell)
+    if len(by_axis) > 1:
+        by_axis.pop("frequency", None)  # its bins always differ: no model of friction acts at the highest
     # The axis whose bins differ most in power: there a place can be pointed at.
     name = max(by_axis, key=lambda axis: _contrast(by_axis[axis]))
     strongest = sorted(by_axis[name], key=lambda cell: -cell.excess)[:_MOST_BINS]
