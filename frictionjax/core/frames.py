@@ -24,7 +24,7 @@ def to_dataframe(
     **Raises:** `ImportError` where pandas is missing, with the command that installs it.
     """
     try:
-        import pandas
+        import pandas  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
         raise _missing("pandas", "to_dataframe", error) from error
     frame = pandas.DataFrame({name: _plain(values) for name, values in columns.items()})
@@ -52,7 +52,7 @@ def to_xarray(
     values = {name: (tuple(dims), _plain(array)) for name, (dims, array) in arrays.items()}
     places = {name: _plain(array) for name, array in coordinates.items()}
     try:
-        import xarray
+        import xarray  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
         raise _missing("xarray", "to_xarray", error) from error
     dataset = xarray.Dataset(values, coords=places, attrs=about)

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from frictionjax.core import InputError
 from frictionjax.recordings.case import case_from_files, load_case
@@ -44,7 +44,7 @@ def case_of(data: Given, *, plant: Plant | None = None, place: str = "`case`") -
         return _from_recordings([recording_from_frame(data, plant=plant)], plant)  # type: ignore[arg-type]
     items = list(data) if isinstance(data, Sequence) else []
     if items and all(isinstance(item, str | Path) for item in items):
-        return _from_files(items, plant)
+        return _from_files(items, plant)  # type: ignore[arg-type]
     if not items or not all(isinstance(item, Recording) or is_frame(item) for item in items):
         raise InputError(f"{_kind(data)} is not a case", place=place, cure=_KINDS)
     return _from_recordings(recordings_of(items, plant), plant)
@@ -62,7 +62,7 @@ def recordings_of(items: Sequence[Any], plant: Plant | None = None) -> list[Reco
     return made
 
 
-def is_case_file(data: object) -> bool:
+def is_case_file(data: object) -> TypeGuard[str | Path]:
     """Whether `data` is the path of a case file, by its suffix."""
     return isinstance(data, str | Path) and Path(data).suffix.lower() == ".toml"
 

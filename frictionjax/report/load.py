@@ -148,7 +148,8 @@ def _estimates(table: Table) -> dict[str, Estimate]:
 
 def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) -> RecordingFit:
     """The recording of this `name`, whose extended model leaves the residual force `left`."""
-    role, columns = entry.text("role"), _csv(require_file(folder / entry.text("file")))
+    role = entry.text("role")
+    columns: dict[str, Any] = dict(_csv(require_file(folder / entry.text("file"))))
     errors = {
         f"{kind}_{model}": entry.table(model).number(kind)
         for model in ("base", "extended")

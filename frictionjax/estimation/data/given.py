@@ -33,7 +33,7 @@ def pieces_of(data: Data) -> tuple[Piece, ...]:
     **Raises:** `InputError` for anything that is no data, and as `load_case` does.
     """
     if is_case_file(data):
-        data = load_case(data)  # type: ignore[arg-type]
+        data = load_case(data)
     if isinstance(data, Case):
         return data.fit_recordings
     single = isinstance(data, str | Path | Piece) or is_frame(data)
