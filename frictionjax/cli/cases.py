@@ -1,7 +1,6 @@
 """From the options of a command to a case, and from recordings to a case file."""
 
 import os
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -122,9 +121,7 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
             "# [[recording]]",
         ]
         lines += ['# file = "another.csv"', '# role = "holdout"']
-    text = "\n".join(lines) + "\n"
-    tomllib.loads(text)
-    return text
+    return "\n".join(lines) + "\n"
 
 
 def _columns_of(file: str, given: dict[str, Any]) -> dict[str, str]:

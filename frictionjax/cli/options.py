@@ -169,7 +169,7 @@ def _simulate(commands: Any) -> None:
     command = _command(
         commands,
         "simulate",
-        "run a fitted drive, or the model of a verdict, on a recorded input",
+        "run a fitted drive on a recorded input",
         "Simulate a fit of `frictionjax fit` on the inputs of recordings, from their first sample on.",
         "frictionjax simulate fit.json run3.csv --out simulated.csv",
     )
@@ -183,7 +183,7 @@ def _simulate(commands: Any) -> None:
         required=True,
         type=Path,
         metavar="FILE",
-        help="where t, u, measured and simulated x, and v go, CSV",
+        help="where t, u, measured and simulated x go, CSV",
     )
     _case_options(command)
 

@@ -276,9 +276,9 @@ def test_channels_with_clocks_of_their_own_are_brought_to_the_times_of_x(tmp_pat
 
 def test_the_clock_of_a_waveform(tmp_path):
     nptdms = pytest.importorskip("nptdms")
-    own = {"wf_increment": 0.002, "wf_start_offset": 0.0, "unit_string": "mm"}
+    own = {"wf_increment": 0.002, "wf_start_offset": 0.0}
     channels = [
-        nptdms.ChannelObject("A", "x", 1e3 * X, properties=own),
+        nptdms.ChannelObject("A", "x", 1e3 * X, properties=own | {"unit_string": "mm"}),
         nptdms.ChannelObject("A", "u", U, properties=own),
     ]
     with nptdms.TdmsWriter(str(tmp_path / "run.tdms")) as writer:

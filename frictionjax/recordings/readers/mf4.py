@@ -27,7 +27,8 @@ def open_mf4(path: Path) -> ArrayTable:
     asammdf = library("asammdf", path)
     found = Collected("channel")
     try:
-        with asammdf.MDF(path) as file:
+        # A stream of ours is closed whatever happens.
+        with path.open("rb") as stream, asammdf.MDF(stream) as file:
             places = [
                 (channel.name, group, index)
                 for group, content in enumerate(file.groups)
@@ -58,7 +59,7 @@ def _damage(asammdf: object) -> tuple[type[Exception], ...]:
 
 def _reading(path: Path, group: int, index: int, *, clock: bool) -> Callable[[], np.ndarray]:
     def read() -> np.ndarray:
-        with library("asammdf", path).MDF(path) as file:
+        with path.open("rb") as stream, library("asammdf", path).MDF(stream) as file:
             signal = file.get(group=group, index=index)
             return np.asarray(signal.timestamps if clock else signal.samples)
 
