@@ -30,6 +30,24 @@ LONG = (
 )
 """Files that take longest, begun first: at the end no worker waits long for another."""
 
+COMPILED_PLAINLY = (
+    "tests/estimation/test_loss.py",
+    "tests/estimation/test_parameters.py",
+    "tests/excitation",
+    "tests/frequency/test_bla.py",
+    "tests/frequency/test_frf.py",
+    "tests/house/test_traces.py",
+    "tests/information/test_discrimination.py",
+    "tests/information/test_fisher.py",
+    "tests/information/test_identifiability.py",
+    "tests/physics",
+    "tests/simulation",
+    "tests/studies/test_estimators.py",
+    "tests/studies/test_level_sweep.py",
+)
+"""Files and folders whose programs run for a moment and take long to compile: they are compiled with few optimisations,
+which takes half of the time. With `--slow` they, too, are compiled as for a user."""
+
 
 def pytest_addoption(parser):
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
@@ -87,6 +105,16 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if "slow" in item.keywords:
             item.add_marker(skip)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled_plainly(request):
+    """Few optimisations of what the files of COMPILED_PLAINLY compile, and all of them elsewhere and with `--slow`."""
+    import jax
+
+    here = request.path.relative_to(request.config.rootpath).as_posix()
+    plainly = here.startswith(COMPILED_PLAINLY) and not request.config.getoption("--slow")
+    jax.config.update("jax_disable_most_optimizations", plainly)
 
 
 @pytest.fixture

@@ -30,3 +30,5 @@ def test_the_files_that_are_scheduled_by_name_are_there(request):
     (conftest,) = (p for p in request.config.pluginmanager.get_plugins() if hasattr(p, "TOGETHER"))
     for file in {*conftest.LONG, *(file for files in conftest.TOGETHER for file in files)}:
         assert (REPOSITORY / file).is_file(), file
+    for place in conftest.COMPILED_PLAINLY:
+        assert (REPOSITORY / place).exists(), place
