@@ -200,25 +200,37 @@ def test_the_table_of_closed_forms_is_complete():
     assert set(SLIDING) == set(FORMS) - others
 
 
+X, V = (grid.ravel() for grid in np.meshgrid([-6e-4, 0.0, 2.3e-4, 9e-4], [-0.05, -1e-3, 4e-4, 1e-3, 0.2]))
+
+
+def _sliding(drive, x, v):
+    """Opposing force of `drive` in steady sliding, and the rate of its bristles."""
+    hidden, level = jnp.zeros(drive.hidden_count), jnp.zeros(())
+    for _ in range(3):  # the level may rest on the states, and they on the level
+        now = drive.instant(x, v, PUSH, jnp.sign(v) * level, hidden)
+        source, rate = drive.relaxation(now)
+        hidden = jnp.where(rate > 0.0, source / rate, 0.0)  # a state that nothing moves stays
+        level = drive.level_at(drive.instant(x, v, PUSH, now.spring, hidden))
+    z = jnp.sign(v) * level * drive.bristles().slack / S0
+    return drive.friction_force(drive.bristles(), x, v, z, H, hidden, PUSH)
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    """Force and rate of every form at X and V, form -> (force, rate): all in one program."""
+    drives = {form: TABLE_I.with_effects(effect(form, **own)) for form, (own, _) in SLIDING.items()}
+
+    @eqx.filter_jit
+    def every(drives, x, v):
+        return {form: jax.vmap(_sliding, (None, 0, 0))(drive, x, v) for form, drive in drives.items()}
+
+    return every(drives, X, V)
+
+
 @pytest.mark.parametrize("form", SLIDING)
-def test_force_of_steady_sliding_is_the_closed_form(form):
-    strengths, closed_form = SLIDING[form]
-    drive = TABLE_I.with_effects(effect(form, **strengths))
-    bristles = drive.bristles()
-
-    def sliding(x, v):
-        hidden, level = jnp.zeros(drive.hidden_count), jnp.zeros(())
-        for _ in range(3):  # the level may rest on the states, and they on the level
-            now = drive.instant(x, v, PUSH, jnp.sign(v) * level, hidden)
-            source, rate = drive.relaxation(now)
-            hidden = jnp.where(rate > 0.0, source / rate, 0.0)  # a state that nothing moves stays
-            level = drive.level_at(drive.instant(x, v, PUSH, now.spring, hidden))
-        z = jnp.sign(v) * level * bristles.slack / S0
-        return drive.friction_force(bristles, x, v, z, H, hidden, PUSH)
-
-    x, v = (grid.ravel() for grid in np.meshgrid([-6e-4, 0.0, 2.3e-4, 9e-4], [-0.05, -1e-3, 4e-4, 1e-3, 0.2]))
-    force, rate = jax.jit(jax.vmap(sliding))(x, v)
-    np.testing.assert_allclose(force, closed_form(x, v), rtol=1e-12)
+def test_force_of_steady_sliding_is_the_closed_form(sliding, form):
+    force, rate = sliding[form]
+    np.testing.assert_allclose(force, SLIDING[form][1](X, V), rtol=1e-12)
     assert float(jnp.max(jnp.abs(rate))) < 1e-13  # sliding is steady: no bristle bends further
 
 
@@ -315,46 +327,80 @@ def test_effects_of_one_slot_act_one_after_the_other():
     assert float(loads.parallel_force(loads.instant(x, v))) == pytest.approx(expected, rel=1e-13)
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_effects_batch(form):
-    """A batch of strengths in one effect gives what one effect for each strength gives."""
-    first = FORMS[form].strengths[0].name
-    strengths = 10.0 * SMALL.get(form, 0.01) * np.array([0.0, 0.5, 1.7])
+def _made(form, first):
+    """The form with its `first` strength, and the nuisances of NUISANCES."""
+    return FORMS[form](**(NUISANCES.get(form, {}) | {FORMS[form].strengths[0].name: first}))
+
+
+def _act(made):
+    """All that an effect changes: the applied force, friction, states, the sensor, and the load side."""
+    drive = TABLE_I.with_effects(made)
+    z = 8e-6 * jnp.ones(drive.bristle_count)
+    x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
+    hidden = 1e-3 * jnp.ones(drive.hidden_count)
+    friction = drive.friction_force(drive.bristles(), x, v, z, H, hidden, 0.3)
+    flow = drive.relaxation(drive.instant(x, v, 0.3, 0.0, hidden))
     u = 4.0 * jnp.sin(jnp.arange(7.0))
+    return drive.applied_force(u, dt), friction, flow, drive.measured(x, dt, hidden), drive.load_side
 
-    def act(made):
-        drive = TABLE_I.with_effects(made)
-        z = 8e-6 * jnp.ones(drive.bristle_count)
-        x, v, dt = jnp.asarray(1.7e-4), jnp.asarray(2e-3), jnp.asarray(1e-4)
-        hidden = 1e-3 * jnp.ones(drive.hidden_count)
-        friction = drive.friction_force(drive.bristles(), x, v, z, H, hidden, 0.3)
-        flow = drive.relaxation(drive.instant(x, v, 0.3, 0.0, hidden))
-        return drive.applied_force(u, dt), friction, flow, drive.measured(x, dt, hidden), drive.load_side
 
-    def make(value):
-        return FORMS[form](**(NUISANCES.get(form, {}) | {first: value}))
+@pytest.fixture(scope="module")
+def batches():
+    """What every form does at three strengths, form -> results, of one effect for all three, and of one for each: a
+    program for all batches, and one for all single effects."""
+    strengths = {form: 10.0 * SMALL.get(form, 0.01) * np.array([0.0, 0.5, 1.7]) for form in FORMS}
 
-    batched = eqx.filter_vmap(act)(eqx.filter_vmap(make)(strengths))
-    singles = [act(make(value)) for value in strengths]
-    for got, *expected in zip(jax.tree.leaves(batched), *map(jax.tree.leaves, singles), strict=True):
+    @eqx.filter_jit
+    def batched(strengths):
+        made = {
+            form: eqx.filter_vmap(lambda s, form=form: _made(form, s))(own) for form, own in strengths.items()
+        }
+        return {form: eqx.filter_vmap(_act)(one) for form, one in made.items()}
+
+    @eqx.filter_jit
+    def single(strengths):
+        return {form: _act(_made(form, own)) for form, own in strengths.items()}
+
+    each = [single({form: jnp.asarray(own[k]) for form, own in strengths.items()}) for k in range(3)]
+    return batched(strengths), each
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_effects_batch(batches, form):
+    """A batch of strengths in one effect gives what one effect for each strength gives."""
+    batched, each = batches
+    singles = [jax.tree.leaves(one[form]) for one in each]
+    for got, *expected in zip(jax.tree.leaves(batched[form]), *singles, strict=True):
         np.testing.assert_allclose(got, np.stack(expected), rtol=1e-13)
-    weak, _, strong = map(jax.tree.leaves, singles)
+    weak, _, strong = singles
     assert any(
         not np.allclose(one, other, rtol=1e-6, atol=0.0) for one, other in zip(weak, strong, strict=True)
     )
 
 
+@pytest.fixture(scope="module")
+def force_slopes():
+    """Derivative by the position of every force effect, form -> (automatic, by a central difference)."""
+    forms = [form for form in FORMS if issubclass(FORMS[form], AbstractForceEffect)]
+
+    @jax.jit
+    def every(x, step):
+        found = {}
+        for form in forms:
+            made = effect(form, **{parameter.name: 0.3 for parameter in FORMS[form].strengths})
+            drive = TABLE_I.with_effects(made)
+            hidden = 0.5 * jnp.ones(drive.hidden_count)
+
+            def force(x, made=made, drive=drive, hidden=hidden):
+                return made.force(TABLE_I.friction, drive.instant(x, jnp.asarray(0.01), 0.7, 0.2, hidden))
+
+            found[form] = jax.grad(force)(x), (force(x + step) - force(x - step)) / (2 * step)
+        return found
+
+    return every(jnp.asarray(1.1e-4), jnp.asarray(1e-8))
+
+
 @pytest.mark.parametrize("form", [f for f in FORMS if issubclass(FORMS[f], AbstractForceEffect)])
-def test_force_effects_are_smooth_in_position(form):
-    strengths = {parameter.name: 0.3 for parameter in FORMS[form].strengths}
-    made = effect(form, **strengths)
-    drive = TABLE_I.with_effects(made)
-    hidden = 0.5 * jnp.ones(drive.hidden_count)
-
-    def force(x):
-        return made.force(TABLE_I.friction, drive.instant(x, jnp.asarray(0.01), 0.7, 0.2, hidden))
-
-    x, step = jnp.asarray(1.1e-4), 1e-8
-    slope = jax.grad(force)(x)
-    difference = (force(x + step) - force(x - step)) / (2 * step)
+def test_force_effects_are_smooth_in_position(force_slopes, form):
+    slope, difference = force_slopes[form]
     assert float(slope) == pytest.approx(float(difference), rel=1e-6, abs=1e-9)
