@@ -100,44 +100,6 @@ EFFECTS |= {
 """Strengths and nuisances of ours, and the same for `reference`."""
 
 
-@pytest.mark.parametrize("form", EFFECTS)
-@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
-def test_an_effect_inside_the_law_is_that_of_scipy(form, stroke):
-    ours, theirs = EFFECTS[form]
-    motion, _ = sine(stroke, 2.0)
-    t = np.arange(2001) / 2000.0
-    exact, _ = reference(TABLE_I, motion, t, **theirs)
-    drive = TABLE_I.with_effects(effect(form, **ours))
-    found = worst(simulate_imposed(drive, motion(t)[0], 2000.0).friction, exact, 1.5)
-    # An elastic core ends within a few samples: 5.3e-4, and a quarter of that at twice the rate.
-    assert found < (1e-3 if form == "ElastoPlastic" else 3e-4)
-    base = worst(simulate_imposed(TABLE_I, motion(t)[0], 2000.0).friction, exact, 1.5)
-    # A lag of the velocity is next to nothing below it.
-    assert base > (5e-4 if form == "FrictionLag" else 1e-2)
-    assert base > 10.0 * found
-
-
-@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
-def test_maxwell_slip_is_a_bank_of_plays(stroke):
-    """The plays followed on a grid 50 times finer; without bristle damping, which is a mean over a sample."""
-    drive = Drive(1.0, LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 1e-3), effects=(effect("MaxwellSlip", share=0.6),))
-    motion, _ = sine(stroke, 2.0)
-    t, fine = np.arange(2001) / 2000.0, np.arange(100_001) / 100_000.0
-    count = FORMS["MaxwellSlip"].count
-    slack = np.exp(1.5 * (2.0 * (np.arange(count) + 0.5) / count - 1.0))
-    x, v = motion(fine)
-    limit = np.outer((1.0 + 0.5 * np.exp(-((v / 1e-3) ** 2))) / 1e5, slack / np.mean(slack))
-    plays, played = np.zeros(count), [np.zeros(count)]
-    for way, most in zip(np.diff(x), limit[1:], strict=True):
-        plays = np.clip(plays + way, -most, most)
-        played.append(plays)
-    bristle, _ = reference(drive, motion, t)
-    exact = 0.4 * bristle + 0.6 * (1e5 * np.mean(played, axis=1)[::50] + 0.4 * motion(t)[1])
-    run = simulate_imposed(drive, motion(t)[0], 2000.0)
-    assert run.z.shape == (2001, count + 1)
-    assert worst(run.friction, exact, 1.5) < 5e-4
-
-
 FORCES = {
     "ConstantLoad": ({"load": 0.3}, lambda x, v: 0.3),
     "ReturnSpring": ({"stiffness": 50.0}, lambda x, v: 50.0 * x),
@@ -150,21 +112,82 @@ FORCES = {
     "CubicDrag": ({"drag": 1e7}, lambda x, v: 1e7 * v**3),
     "GravityPendulum": ({"sine": 50.0, "cosine": 0.2}, lambda x, v: 50.0 * np.sin(x) + 0.2 * np.cos(x)),
 }
+"""Strengths of what is a force beside the law, and the force."""
+
+T = np.arange(2001) / 2000.0
+JOINT = [form for form in (*EFFECTS, *FORCES) if form not in STATES]
+"""Forms without states of their own: one drive has them all, of strengths zero but for one, and is one program."""
 
 
-@pytest.mark.parametrize("form", some_slow(FORMS, (*FORCES, "Creep", "DwellStrengthening", "MaxwellSlip")))
-def test_every_effect_runs_and_beside_the_law_adds_its_force(form):
+def _with(form, strengths):
+    """The plant of Table I with `form`, and with those of JOINT that do nothing if it is one of them."""
+    if form not in JOINT:
+        return TABLE_I.with_effects(effect(form, **strengths))
+    return TABLE_I.with_effects(*(effect(name, **(strengths if name == form else {})) for name in JOINT))
+
+
+@pytest.mark.parametrize("form", EFFECTS)
+@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
+def test_an_effect_inside_the_law_is_that_of_scipy(form, stroke):
+    ours, theirs = EFFECTS[form]
+    motion, _ = sine(stroke, 2.0)
+    exact, _ = reference(TABLE_I, motion, T, **theirs)
+    found = worst(simulate_imposed(_with(form, ours), motion(T)[0], 2000.0).friction, exact, 1.5)
+    # An elastic core ends within a few samples: 5.3e-4, and a quarter of that at twice the rate.
+    assert found < (1e-3 if form == "ElastoPlastic" else 3e-4)
+    base = worst(simulate_imposed(TABLE_I, motion(T)[0], 2000.0).friction, exact, 1.5)
+    # A lag of the velocity is next to nothing below it.
+    assert base > (5e-4 if form == "FrictionLag" else 1e-2)
+    assert base > 10.0 * found
+
+
+@pytest.mark.parametrize("stroke", [1.5e-5, 2e-4])
+def test_maxwell_slip_is_a_bank_of_plays(stroke):
+    """The plays followed on a grid 50 times finer; without bristle damping, which is a mean over a sample."""
+    drive = Drive(1.0, LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 1e-3), effects=(effect("MaxwellSlip", share=0.6),))
+    motion, _ = sine(stroke, 2.0)
+    fine = np.arange(100_001) / 100_000.0
+    count = FORMS["MaxwellSlip"].count
+    slack = np.exp(1.5 * (2.0 * (np.arange(count) + 0.5) / count - 1.0))
+    x, v = motion(fine)
+    limit = np.outer((1.0 + 0.5 * np.exp(-((v / 1e-3) ** 2))) / 1e5, slack / np.mean(slack))
+    plays, played = np.zeros(count), [np.zeros(count)]
+    for way, most in zip(np.diff(x), limit[1:], strict=True):
+        plays = np.clip(plays + way, -most, most)
+        played.append(plays)
+    bristle, _ = reference(drive, motion, T)
+    exact = 0.4 * bristle + 0.6 * (1e5 * np.mean(played, axis=1)[::50] + 0.4 * motion(T)[1])
+    run = simulate_imposed(drive, motion(T)[0], 2000.0)
+    assert run.z.shape == (2001, count + 1)
+    assert worst(run.friction, exact, 1.5) < 5e-4
+
+
+@pytest.mark.parametrize(
+    "form", some_slow(FORMS, ("ConstantLoad", "Creep", "DwellStrengthening", "MaxwellSlip"))
+)
+def test_every_effect_of_zero_strength_runs_and_changes_nothing(form):
     motion, _ = sine(2e-4, 2.0)
-    t = np.arange(501) / 500.0
-    base = simulate_imposed(TABLE_I, motion(t)[0], 500.0)
-    none = simulate_imposed(TABLE_I.with_effects(effect(form)), motion(t)[0], 500.0)
+    base = simulate_imposed(TABLE_I, motion(T)[0], 2000.0)
+    none = simulate_imposed(TABLE_I.with_effects(effect(form)), motion(T)[0], 2000.0)
     np.testing.assert_allclose(none.friction, base.friction, atol=2e-14)
-    if form in FORCES:
-        strengths, force = FORCES[form]
-        run = simulate_imposed(TABLE_I.with_effects(effect(form, **strengths)), motion(t)[0], 500.0)
-        # Where two sides of a sample are averaged, a square is not that of the mean: at both ends.
-        rtol = 2e-5 if form.endswith("Drag") else 1e-7
-        np.testing.assert_allclose(run.friction - base.friction, force(run.x, run.v), rtol=rtol, atol=1e-7)
+
+
+def test_together_effects_of_zero_strength_change_nothing():
+    motion, _ = sine(2e-4, 2.0)
+    base = simulate_imposed(TABLE_I, motion(T)[0], 2000.0)
+    none = simulate_imposed(_with(JOINT[0], {}), motion(T)[0], 2000.0)
+    np.testing.assert_allclose(none.friction, base.friction, atol=2e-14)
+
+
+@pytest.mark.parametrize("form", FORCES)
+def test_an_effect_beside_the_law_adds_its_force(form):
+    strengths, force = FORCES[form]
+    motion, _ = sine(2e-4, 2.0)
+    base = simulate_imposed(TABLE_I, motion(T)[0], 2000.0)
+    run = simulate_imposed(_with(form, strengths), motion(T)[0], 2000.0)
+    # Where two sides of a sample are averaged, a square is not that of the mean: at both ends.
+    rtol = 2e-5 if form.endswith("Drag") else 1e-7
+    np.testing.assert_allclose(run.friction - base.friction, force(run.x, run.v), rtol=rtol, atol=1e-7)
 
 
 BESIDE = [
