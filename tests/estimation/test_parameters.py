@@ -203,17 +203,29 @@ def test_physical_jacobian_agrees_with_differences():
     assert jacobian[5, 4] == pytest.approx(float(PLANT.friction.Fs))
 
 
+@pytest.fixture(scope="module")
+def packed():
+    """Every form packed, and unpacked elsewhere, form -> (vector, drive): from known numbers, and in one program."""
+    drives = {name: PLANT.with_effects(_with_values(name)[0]) for name in FORMS}
+    layouts = {name: BASE + effect_layout(drive, SCALES) for name, drive in drives.items()}
+    vectors = {name: pack(layouts[name], drive) for name, drive in drives.items()}
+
+    def every(layouts, drives, vectors):
+        found = {}
+        for name, layout in layouts.items():
+            again = unpack(layout, drives[name], vectors[name] + 0.01, vectors[name])
+            found[name] = pack(layout, drives[name]), again
+        return found
+
+    return every(layouts, drives, vectors), jax.jit(every)(layouts, drives, vectors)
+
+
 @pytest.mark.parametrize("name", FORMS)
-def test_known_numbers_are_packed_as_traced_ones_are(name):
+def test_known_numbers_are_packed_as_traced_ones_are(packed, name):
     """By NumPy where the numbers are known, by JAX under a transformation: one answer."""
-    drive = PLANT.with_effects(_with_values(name)[0])
-    layout = BASE + effect_layout(drive, SCALES)
-    vector = pack(layout, drive)
-    traced = jax.jit(lambda drive: pack(layout, drive))(drive)
+    (vector, drive), (traced, traced_drive) = (each[name] for each in packed)
     np.testing.assert_allclose(vector, traced, rtol=1e-14, atol=1e-14)
-    moved = vector + 0.01
-    drives = unpack(layout, drive, moved, vector), jax.jit(unpack)(layout, drive, moved, vector)
-    for ours, theirs in zip(*map(jax.tree.leaves, drives), strict=True):
+    for ours, theirs in zip(jax.tree.leaves(drive), jax.tree.leaves(traced_drive), strict=True):
         assert isinstance(ours, jax.Array)
         assert ours.dtype == theirs.dtype
         np.testing.assert_allclose(ours, theirs, rtol=1e-14)
