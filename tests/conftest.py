@@ -31,19 +31,11 @@ LONG = (
 """Files that take longest, begun first: at the end no worker waits long for another."""
 
 COMPILED_PLAINLY = (
-    "tests/estimation/test_loss.py",
     "tests/estimation/test_parameters.py",
     "tests/excitation",
-    "tests/frequency/test_bla.py",
-    "tests/frequency/test_frf.py",
     "tests/house/test_traces.py",
-    "tests/information/test_discrimination.py",
-    "tests/information/test_fisher.py",
-    "tests/information/test_identifiability.py",
     "tests/physics",
     "tests/simulation",
-    "tests/studies/test_estimators.py",
-    "tests/studies/test_level_sweep.py",
 )
 """Files and folders whose programs run for a moment and take long to compile: they are compiled with few optimisations,
 which takes half of the time. With `--slow` they, too, are compiled as for a user."""
