@@ -19,6 +19,50 @@ from frictionjax.simulation.load_side import two_inertias
 _CORNER = 1e-2
 
 
+def _scales(drive: Drive) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The break-away deflection, and the velocity of a free oscillation of that amplitude: divided by them, position,
+    velocity and deflection have the same tolerances."""
+    bend = drive.friction.Fs / drive.friction.sigma0
+    return bend, bend * jnp.sqrt(drive.friction.sigma0 / drive.J)
+
+
+def scaled_rates(
+    drive: Drive, scaled: Float[Array, " states"], held: Float[Array, ""]
+) -> Float[Array, " states"]:
+    """Rates of the states of `drive` (per s) under a force, for any solver.
+
+    **Arguments:**
+
+    - `drive`: the `Drive`.
+    - `scaled`: position, velocity, deflections of the bristles and states of effects, shape `(states,)`: the velocity
+      over Fs/sqrt(sigma0 J), the others over the break-away deflection Fs/sigma0.
+    - `held`: motor force, force units.
+
+    **Returns:**
+
+    The rates of `scaled`, shape `(states,)`, per s.
+    """
+    bristles = drive.bristles()
+    bend, speed = _scales(drive)
+    last = 2 + drive.bristle_count
+    x, v, z, hidden = scaled[0] * bend, scaled[1] * speed, scaled[2:last] * bend, scaled[last:] * bend
+    spring, sigma0 = drive.spring_force(z[0]), drive.friction.sigma0
+    now = drive.instant(x, v, held, spring, hidden)
+    level = drive.level_at(now)
+    # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
+    gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
+    w, fast = drive.bristle_speed(now), drive.slip_speed(now)
+    slip = drive.slip(spring / level, fast)
+    damping_rate = bristles.rate(w, fast, slip, w * jnp.clip(gap - 1.0, 0.0, 1.0))
+    rate = bristles.rate(w, fast, slip, w * jnp.clip(gap, -100.0, 1.0))
+    opposing = drive.opposing_force(bristles, now, z, damping_rate)
+    source, forget = drive.relaxation(now)
+    own = source - forget * hidden[: drive.state_count]
+    a, load_rate = two_inertias(drive, held - opposing, v, hidden[drive.state_count :])
+    hidden_rate = jnp.concatenate([own, load_rate])
+    return jnp.concatenate([jnp.stack([v / bend, a / speed]), rate / bend, hidden_rate / bend])
+
+
 @eqx.filter_jit
 def _simulate_reference(
     drive: Drive,
@@ -36,34 +80,15 @@ def _simulate_reference(
     bristles = drive.bristles()
     force = drive.applied_force(u, dt)
     t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
-    # The state is scaled by the break-away deflection and by the velocity of a free oscillation of that amplitude, so
-    # that position, velocity and deflection have the same tolerances.
-    bend = drive.friction.Fs / drive.friction.sigma0
-    speed = bend * jnp.sqrt(drive.friction.sigma0 / drive.J)
-
+    bend, speed = _scales(drive)
     last = 2 + drive.bristle_count
 
     def field(instant, scaled, _):
-        x, v, z, hidden = scaled[0] * bend, scaled[1] * speed, scaled[2:last] * bend, scaled[last:] * bend
         sample = jnp.clip(jnp.searchsorted(t, instant, side="right") - 1, 0, t.shape[0] - 1)
         held = mean_of(force)[sample]
         if isinstance(force, Push):
             held = held + force.rise[sample] * ((instant - t[sample]) / dt - 0.5)
-        spring, sigma0 = drive.spring_force(z[0]), drive.friction.sigma0
-        now = drive.instant(x, v, held, spring, hidden)
-        level = drive.level_at(now)
-        # An elasto-slip element loses its damping, then its motion, within _CORNER of its yield; LuGre's ignores this.
-        gap = (1.0 - sign(v) * z / bristles.limit(level, sigma0)) / _CORNER
-        w, fast = drive.bristle_speed(now), drive.slip_speed(now)
-        slip = drive.slip(spring / level, fast)
-        damping_rate = bristles.rate(w, fast, slip, w * jnp.clip(gap - 1.0, 0.0, 1.0))
-        rate = bristles.rate(w, fast, slip, w * jnp.clip(gap, -100.0, 1.0))
-        opposing = drive.opposing_force(bristles, now, z, damping_rate)
-        source, forget = drive.relaxation(now)
-        own = source - forget * hidden[: drive.state_count]
-        a, load_rate = two_inertias(drive, held - opposing, v, hidden[drive.state_count :])
-        hidden_rate = jnp.concatenate([own, load_rate])
-        return jnp.concatenate([jnp.stack([v / bend, a / speed]), rate / bend, hidden_rate / bend])
+        return scaled_rates(drive, scaled, held)
 
     start = initial_state(drive, x0, v0, z0)
     scaled = jnp.concatenate(
