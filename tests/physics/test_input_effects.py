@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_plants import effect
+from helpers_runs import in_steps, position_by_scipy
 from scipy.signal import lfilter
 
 from frictionjax.physics import Drive, LuGre, Push
 from frictionjax.simulation.fixed import simulate
-from frictionjax.simulation.reference import simulate_reference
 
 DT = jnp.asarray(5e-4)
 U = jnp.asarray(np.random.default_rng(7).normal(size=60))
@@ -118,17 +118,15 @@ def test_a_mass_goes_where_the_lagged_current_takes_it(ratio):
 
 
 @pytest.mark.parametrize("form", [{"Delay": {"delay": 0.4 * 5e-4}}, {"DriveLag": {"time_constant": 3e-4}}])
-def test_a_stuck_machine_too_against_the_adaptive_reference(form):
+def test_a_stuck_machine_too_against_adaptive_steps(form):
     """In presliding, where bristles and their damping act within the sample."""
     ((name, values),) = form.items()
     stuck = Drive(J=0.03, friction=LuGre(2000.0, 3.0, 0.02, 0.5, 0.7, 0.05)).with_effects(
         effect(name, **values)
     )
     u = 0.2 * np.sign(np.random.default_rng(9).normal(size=120))
-    reference = np.asarray(simulate_reference(stuck, u, 1.0 / float(DT)).x)
-    error = [
-        np.std(np.asarray(simulate(stuck, u, 1.0 / float(DT), substeps=n).x) - reference) for n in (1, 4)
-    ]
+    reference = position_by_scipy(stuck, u, 1.0 / float(DT), 1e-9, 1e-11)
+    error = [np.std(np.asarray(in_steps(stuck, u, 1.0 / float(DT), n).x) - reference) for n in (1, 4)]
     assert error[0] < 0.02 * np.std(reference) and error[1] < error[0] / 8.0  # second order
 
 
