@@ -23,10 +23,16 @@ def test_the_package_keeps_the_import_rule():
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("library", ONE_FILE_EACH)
-def test_each_solver_library_has_its_one_adapter(library):
+@pytest.fixture(scope="module")
+def imports():
+    """The imports of every file of the package, path -> list."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
-    users = [path.name for path, tree in trees.items() if uses(imports_of(tree, ""), library)]
+    return {path: list(imports_of(tree, "")) for path, tree in trees.items()}
+
+
+@pytest.mark.parametrize("library", ONE_FILE_EACH)
+def test_each_solver_library_has_its_one_adapter(imports, library):
+    users = [path.name for path, own in imports.items() if uses(own, library)]
     assert len(users) == 1
 
 
