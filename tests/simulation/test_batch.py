@@ -1,5 +1,7 @@
 """`simulate_batch`: the same numbers as one run after the other, however the batch is cut."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -84,11 +86,12 @@ def test_inside_a_derivative_it_is_a_jax_array_and_agrees():
     def last(masses):
         return simulate_batch(_drives(masses), U, RATE, of=last_and_peak)["last"]
 
-    slope = jnp.diag(jax.jacfwd(last)(jnp.asarray(MASSES[:3])))
-    alone = jax.grad(lambda m: simulate(Drive(m, TABLE_I.friction), U, RATE).x[-1])
+    slope = jnp.diag(jax.jit(jax.jacfwd(last))(jnp.asarray(MASSES[:3])))
+    alone = jax.jit(jax.grad(lambda m: simulate(Drive(m, TABLE_I.friction), U, RATE).x[-1]))
     np.testing.assert_allclose(slope, [alone(m) for m in MASSES[:3]], rtol=1e-8)
 
 
+@functools.cache
 def _held(parameters, drives):
     """Bytes that a compiled derivative by `parameters` common factors holds, beside its inputs and its result."""
     names = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")[:parameters]
