@@ -43,6 +43,16 @@ def _exact(plant, rate, *, delay=0.0, hold=True, lines=2049):
     )
 
 
+def _of_one_size(plant, rate, band):
+    """The response without noise on as many lines as leave 303 in the band, those of ARM at 2 kHz from 2 to 150 Hz:
+    each number of lines is a program."""
+    for lines in range(304, 20_000):
+        f = np.linspace(0.0, rate / 2.0, lines)
+        if np.count_nonzero((f >= band[0]) & (f <= band[1])) == 303:
+            return _exact(plant, rate, lines=lines)
+    raise AssertionError(f"no number of lines leaves 303 from {band[0]} to {band[1]} Hz")
+
+
 def _noisy(plant, rate, n, noise, seed):
     rng = np.random.default_rng(seed)
     u = rng.choice([-1.0, 1.0], n)
@@ -65,7 +75,8 @@ def _noisy(plant, rate, n, noise, seed):
     ],
 )
 def test_a_held_second_order_system_is_recovered(plant, rate, band, tolerance):
-    sk = fit_sk(_exact(plant, rate), band, motor_constant=plant["motor_constant"])
+    frf = _of_one_size(plant, rate, band)
+    sk = fit_sk(frf, band, motor_constant=plant["motor_constant"])
     assert sk.converged
     for name in ("J", "stiffness", "damping"):
         assert getattr(sk, name).value == pytest.approx(plant[name], rel=tolerance)
@@ -73,8 +84,9 @@ def test_a_held_second_order_system_is_recovered(plant, rate, band, tolerance):
     assert sk.natural_frequency.value == pytest.approx(root / plant["J"] / (2.0 * np.pi), rel=tolerance)
     assert sk.damping_ratio.value == pytest.approx(0.5 * plant["damping"] / root, rel=tolerance)
     assert sk.frequency.shape == sk.response.shape
-    inside = np.flatnonzero(np.isin(_exact(plant, rate).frequency, sk.frequency))
-    exact = np.asarray(_exact(plant, rate).response)[inside]
+    assert sk.frequency.size == 303
+    inside = np.flatnonzero(np.isin(frf.frequency, sk.frequency))
+    exact = np.asarray(frf.response)[inside]
     np.testing.assert_allclose(sk.response, exact, rtol=1e-3)
 
 
@@ -102,7 +114,7 @@ def test_a_delay_is_fitted_beside_the_rest(delay):
 
 
 @pytest.mark.parametrize(
-    ("segment", "n", "fit_delay"), [(4096, 65_536, False), (8192, 32_768, False), (4096, 65_536, True)]
+    ("segment", "n", "fit_delay"), [(4096, 65_536, False), (4096, 16_384, False), (4096, 65_536, True)]
 )
 def test_the_standard_errors_cover_the_truth(segment, n, fit_delay):
     """Estimates of sixty records scatter about the truth as their standard errors say, with many averages and few."""
@@ -137,7 +149,7 @@ def test_derived_errors_follow_from_the_scatter():
 
 
 def test_the_residual_falls_and_ends_below_the_first_linear_solution():
-    frf = estimate_frf(*_noisy(ARM, 2000.0, 16_384, 1.0, 3), 2000.0, segment=1024)
+    frf = estimate_frf(*_noisy(ARM, 2000.0, 65_536, 1.0, 3), 2000.0, segment=4096)
     sk = fit_sk(frf, (2.0, 150.0), motor_constant=16.0)
     assert np.all(np.diff(sk.residual_norm) <= 0.0)
     assert sk.residual_norm[-1] < sk.residual_norm[0]
@@ -216,6 +228,9 @@ def test_a_mode_above_the_band_is_reported_as_misfit_and_a_narrower_band_mends_i
             assert off[0] > 3.0 * getattr(wide, name).stderr / ARM[name]
 
 
+_start = eqx.filter_jit(start)
+
+
 def test_noise_above_the_response_gives_numbers_or_a_sentence_and_no_nan():
     """Noise of twice the static response on every bin: linear starts that are unstable, and fits that may end so."""
     exact = _exact(ARM, 2000.0)
@@ -229,15 +244,15 @@ def test_noise_above_the_response_gives_numbers_or_a_sentence_and_no_nan():
         frf = eqx.tree_at(
             lambda f: (f.response, f.std), exact, (exact.response + noise, jnp.full(2049, spread))
         )
-        response = frf.response[inside]
-        size = jnp.max(jnp.abs(response))
+        response = np.asarray(frf.response)[inside]
+        size = np.max(np.abs(response))
         lines = Lines(
             jnp.asarray(omega / omega[-1]),
-            response / size.astype(complex),
-            jnp.full(omega.size, size / spread),
+            jnp.asarray(response / size),
+            jnp.asarray(np.full(omega.size, size / spread)),
             jnp.asarray(4000.0 * np.pi / omega[-1]),
         )
-        if float(jnp.min(start(lines, jnp.asarray(0.0), True)[:3])) > 0.0:
+        if np.min(np.asarray(_start(lines, jnp.asarray(0.0), True))[:3]) > 0.0:
             continue
         unstable += 1
         sk = fit_sk(frf, (2.0, 150.0), motor_constant=16.0)
