@@ -49,7 +49,7 @@ from frictionjax.estimation.start.force_balance import force_balance
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
-from frictionjax.recordings.given import Given, case_of
+from frictionjax.recordings.given import CaseData, case_of
 
 _UNDETERMINED = (
     "The base model fits every recording when all are fitted together, but not when only the fit recordings are used. "
@@ -67,7 +67,7 @@ _MAP_REJECTED = (
 
 
 def diagnose(
-    case: Given,
+    case: CaseData,
     *,
     plant: Plant | None = None,
     executor: Executor | None = None,

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
+from frictionjax.recordings.columns import find_columns, labelled
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording
 from frictionjax.recordings.schema import Spot, parse_entry
@@ -44,6 +45,12 @@ class FrameTable(AbstractTable):
 
     def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
         return [self._numbers(name) for name in names]
+
+    def unit(self, name: str) -> str:
+        return str(getattr(self.columns[name], "attrs", {}).get("units", ""))
+
+    def clock(self, name: str) -> None:
+        return None
 
     def place(self, index: int) -> str:
         return f"row {index}"
@@ -82,6 +89,7 @@ def recording_from_frame(
     drive: str | None = None,
     start_time: float | None = None,
     columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
     interval: tuple[float, float] | None = None,
 ) -> Recording:
@@ -95,7 +103,8 @@ def recording_from_frame(
     - `role`: `"fit"` or `"holdout"`.
     - `sample_rate`: Hz, where there is no column of time.
     - `plant`: what is known of the machine.
-    - `loop`, `drive`, `start_time` (s), `columns`, `scale`, `interval` (s): as in a case file.
+    - `loop`, `drive`, `start_time` (s), `columns`, `units`, `scale`, `interval` (s): as in a case file. Columns that
+        carry their unit (`attrs["units"]` of xarray and pandas, or in their name) need no entry in `units`.
 
     **Returns:** the `Recording`, with what the audit found among its `warnings`.
 
@@ -104,6 +113,7 @@ def recording_from_frame(
     """
     known = {"role": role, "sample_rate": sample_rate, "loop": loop, "drive": drive, "start_time": start_time}
     known |= {"interval": interval, "columns": None if columns is None else dict(columns)}
+    known |= {"units": None if units is None else dict(units)}
     known |= {"scale": None if scale is None else dict(scale)}
     held = _columns(frame)
     return recording_from_table(FrameTable(Path(name), tuple(held), held), name, plant, **known)
@@ -111,7 +121,9 @@ def recording_from_frame(
 
 def recording_from_table(table: AbstractTable, name: str, plant: Plant | None, **known: Any) -> Recording:
     """The recording called `name` in an opened `table`, of the `plant`; `known`: keys of a case file's recording."""
-    made = make_recording(parse_entry({"file": name, **known}, Spot(None)), table, name, plant or Plant())
+    entry = parse_entry({"file": name, **known}, Spot(None))
+    chosen = find_columns(entry, table)
+    made = make_recording(entry, table, chosen, name, labelled(plant or Plant(), chosen, entry))
     return made if plant is None else dataclasses.replace(made, plant=plant)
 
 

@@ -13,18 +13,18 @@ from frictionjax.recordings.readers import open_table, stem
 from frictionjax.recordings.recording import Case, Plant, Recording
 from frictionjax.recordings.words import require_file
 
-Given = Case | str | Path | Recording | Frame | Sequence[str | Path] | Sequence[Recording | Frame]
+CaseData = Case | str | Path | Recording | Frame | Sequence[str | Path] | Sequence[Recording | Frame]
 """A `Case`; the path of a case file or of a recording; a `Recording`; named columns in memory; several of one kind."""
 
 _KINDS = "Give a `Case`, the path of a case file or of a recording, a DataFrame, a `Recording`, or a list of recordings"
 
 
-def case_of(data: Given, *, plant: Plant | None = None, place: str = "`case`") -> Case:
+def case_of(data: CaseData, *, plant: Plant | None = None, place: str = "`case`") -> Case:
     """The case that `data` stands for.
 
     **Arguments:**
 
-    - `data`: see `Given`. Of a single recording, the last third is held out, with a warning.
+    - `data`: see `CaseData`. Of a single recording, the last third is held out, with a warning.
     - `plant`: what is known of the machine, where `data` does not say it.
     - `place`: the argument that `data` came by, for messages.
 

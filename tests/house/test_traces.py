@@ -308,8 +308,25 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         lambda folder: api.identifiability(_information()),
     ),
     "load_case": ("reads files", lambda folder: toml(folder)()),
+    "load_diagnosis": (
+        "reads files",
+        lambda folder: api.load_diagnosis(api.save_diagnosis(fake_diagnosis(n=500), folder, report=False)),
+    ),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
+    "bam_parameters": (
+        "a few numbers",
+        lambda folder: api.bam_parameters(PLANT, actuator="motor", resistance=1e-5),
+    ),
+    "isaac_lab_actuator": ("a few numbers", lambda folder: api.isaac_lab_actuator(PLANT)),
+    "urdf_dynamics": ("a few numbers", lambda folder: api.urdf_dynamics(PLANT)),
+    "plot": ("draws", lambda folder: api.plot(fake_diagnosis(n=500))),
+    "recording_from_frame": (
+        "reads a table",
+        lambda folder: api.recording_from_frame(
+            {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.cos(np.arange(200.0))}
+        ),
+    ),
     "save_diagnosis": (
         "writes files",
         lambda folder: api.save_diagnosis(fake_diagnosis(n=500), folder, report=False),
