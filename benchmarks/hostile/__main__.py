@@ -23,6 +23,9 @@ def main(argv: list[str] | None = None) -> int:
         "--gigabytes", type=float, default=2.0, help="of memory for it (default: %(default)s)"
     )
     parser.add_argument("--keep", type=Path, help="folder for the inputs that are neither read nor refused")
+    parser.add_argument(
+        "--extras", action="store_true", help="the formats of the extras that are installed, not the others"
+    )
     options = parser.parse_args(argv)
     with tempfile.TemporaryDirectory() as scratch:
         table = run(
@@ -32,6 +35,7 @@ def main(argv: list[str] | None = None) -> int:
             seconds=options.seconds,
             gigabytes=options.gigabytes,
             keep=options.keep,
+            extras=options.extras,
         )
     print(f"{'reader':<20}{'inputs':>9}" + "".join(f"{kind:>14}" for kind in KINDS))
     for reader, counts in table.items():

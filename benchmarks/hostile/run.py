@@ -11,7 +11,7 @@ from collections import Counter
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
-from benchmarks.hostile.seeds import damaged, seeds
+from benchmarks.hostile.seeds import damaged, seeds, seeds_of_extras
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings import case_from_files, load_case
 from frictionjax.recordings.readers import open_table
@@ -29,6 +29,7 @@ def run(
     seconds: float = 20.0,
     gigabytes: float = 2.0,
     keep: Path | None = None,
+    extras: bool = False,
 ) -> dict[str, Counter[str]]:
     """Read so many damaged `inputs`, the first with this `seed`, and count what came of them, for each reader.
 
@@ -38,8 +39,9 @@ def run(
     - `scratch`: an empty folder.
     - `seconds`, `gigabytes`: of one input, before it counts as a hang or a fault; memory beyond that of the process.
     - `keep`: folder for the inputs that were neither read nor refused in one line.
+    - `extras`: read the formats of the extras, and not the others.
     """
-    readers = list(seeds())
+    readers = list(seeds_of_extras() if extras else seeds())
     table = {reader: Counter[str]() for reader in readers}
     for place, reader in enumerate(readers):
         share = inputs // len(readers) + (place < inputs % len(readers))
@@ -162,6 +164,8 @@ def seeds_of(reader: str) -> list[tuple[str, bytes]]:
     """The small valid files of a `reader`, made once."""
     if not _SEEDS:
         _SEEDS.update(seeds())
+    if reader not in _SEEDS:
+        _SEEDS.update(seeds_of_extras())
     return _SEEDS[reader]
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.io import savemat
 
+from benchmarks.hostile.more_seeds import extra_seeds, plain_seeds
+
 ROWS = 330  # enough to hold out a third
 RATE = 1000.0
 
@@ -84,7 +86,13 @@ def seeds() -> dict[str, list[tuple[str, bytes]]]:
         "mat 5, compressed": [("c.mat", _mat(_struct(), do_compression=True))],
         "mat 4": [("d.mat", _mat(plain, format="4"))],
         "case": [("case.toml", _CASE)],
+        **plain_seeds(plain),
     }
+
+
+def seeds_of_extras() -> dict[str, list[tuple[str, bytes]]]:
+    """As `seeds`, for the readers of the extras that are installed."""
+    return extra_seeds(dict(zip("tux", _columns(), strict=True)))
 
 
 _TOKENS = (

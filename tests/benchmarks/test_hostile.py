@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.hostile.__main__ import main
 from benchmarks.hostile.run import KINDS, outcome, read, run, seeds_of, written
-from benchmarks.hostile.seeds import damaged, seeds
+from benchmarks.hostile.seeds import damaged, seeds, seeds_of_extras
 from frictionjax.recordings.readers import READERS
 
 
@@ -17,9 +17,18 @@ def test_what_is_damaged_was_sound(reader, tmp_path):
         assert read(tmp_path / name) == "accepted", name
 
 
-def test_every_suffix_has_its_damaged_files():
-    names = [name for files in seeds().values() for name, _ in files]
-    assert all(any(name.endswith(suffix) for name in names) for suffix in READERS if suffix != ".txt.gz")
+def test_every_reader_has_its_damaged_files():
+    names = [name for some in (seeds(), seeds_of_extras()) for files in some.values() for name, _ in files]
+    suffixes = [suffix for suffix in READERS if any(name.endswith(suffix) for name in names)]
+    assert {READERS[suffix] for suffix in suffixes} == set(READERS.values())
+
+
+@pytest.mark.filterwarnings("ignore::frictionjax.FrictionjaxWarning")
+def test_what_is_damaged_of_the_extras_was_sound(tmp_path):
+    for files in seeds_of_extras().values():
+        for name, data in files:
+            (tmp_path / name).write_bytes(data)
+            assert read(tmp_path / name) == "accepted", name
 
 
 def test_a_few_hundred_damaged_files(tmp_path):
