@@ -42,8 +42,8 @@ def _programs(structure):
     return of(scaled_rates), of(jax.jacfwd(scaled_rates, argnums=1))
 
 
-def position_by_scipy(drive, u, rate, rtol=1e-7, atol=1e-9):
-    """Position at the samples from rest: the equations of `simulate_reference`, solved by scipy's Radau.
+def position_by_scipy(drive, u, rate, rtol=1e-8, atol=1e-10):
+    """Position at the samples from rest: the equations of `simulate_reference`, solved by scipy's LSODA.
 
     It starts again at every sample, so that no change of the input is stepped over. To compile the rates takes a small
     part of what an adaptive method in JAX takes.
@@ -60,7 +60,7 @@ def position_by_scipy(drive, u, rate, rtol=1e-7, atol=1e-9):
     field, jacobian = (functools.partial(call, program) for program in programs)
     positions = [0.0]
     for held in zip(mean[:-1], rise[:-1], strict=True):
-        solution = solve_ivp(field, (0.0, dt), state, "Radau", jac=jacobian, args=held, rtol=rtol, atol=atol)
+        solution = solve_ivp(field, (0.0, dt), state, "LSODA", jac=jacobian, args=held, rtol=rtol, atol=atol)
         assert solution.success
         state = solution.y[:, -1]
         positions.append(state[0])
