@@ -52,7 +52,8 @@ def test_near_the_optimum_the_profile_is_the_parabola_of_the_standard_error(fitt
 
 def test_an_interval_that_is_not_reached_is_infinite(fitted):
     value, spread = fitted.parameters["J"].value, _white(fitted, "J")
-    found = profile_likelihood(fitted, "J", values=value + spread * np.array([-3.0, 0.5]))
+    # As many values as by default: each number of them is a program.
+    found = profile_likelihood(fitted, "J", values=value + spread * np.linspace(-3.0, 0.5, 8))
     low, high = found.interval()
     assert np.isfinite(low) and high == np.inf
 
