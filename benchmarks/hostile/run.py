@@ -48,7 +48,7 @@ def run(
         first = seed
         while first < seed + share:
             last = min(first + _AT_ONCE, seed + share)
-            first = _batch(reader, first, last, scratch, seconds, gigabytes, table[reader], keep)
+            first = _batch(reader, first, last, scratch, seconds, gigabytes, table[reader], keep, extras)
     return table
 
 
@@ -61,9 +61,12 @@ def _batch(
     gigabytes: float,
     counts: Counter[str],
     keep: Path | None,
+    extras: bool,
 ) -> int:
     """Read inputs `first` to `last` in one child process, until one of them ends it; returns the next number."""
-    context = multiprocessing.get_context("fork")  # this process has not computed: its imports are shared
+    # This process has not computed: its imports are shared. But threads of the libraries of the extras, with which it
+    # has made their files, would not be there in a fork.
+    context = multiprocessing.get_context("spawn" if extras else "fork")
     now, results = context.Value("q", first), context.SimpleQueue()
     child = context.Process(target=_child, args=(reader, first, last, scratch, gigabytes, now, results))
     with warnings.catch_warnings():

@@ -18,6 +18,7 @@ _GAP = 1.5
 _CAUGHT_UP = 0.05
 # No more than this part of a recording is filled by interpolation.
 _MOST_MISSING = 0.2
+_STILL = 1e-6  # of the usual step: samples that are closer have one time stamp
 # A rate this near (relatively) to a whole number of Hz or of microseconds is that number.
 _SNAP = 1e-5
 
@@ -92,10 +93,11 @@ def find_grid(
     """
     file = shown(table.path, 200)
     steps = np.diff(stamps)
-    wrong = np.flatnonzero(steps <= 0)
+    # Between two samples a millionth of the usual step apart any curve would be vertical.
+    wrong = np.flatnonzero(steps <= max(_STILL * float(np.median(steps)), 0.0))
     if wrong.size:
         k = int(wrong[0])
-        verb = "stands still" if steps[k] == 0 else "goes backwards"
+        verb = "goes backwards" if steps[k] < 0 else "stands still"
         raise InputError(
             f"time {verb} ({stamps[k]:.15g} s, then {stamps[k + 1]:.15g} s)",
             file=file,

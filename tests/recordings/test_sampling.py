@@ -116,12 +116,20 @@ def test_one_stamp_out_of_place_is_found():
 
 
 @pytest.mark.parametrize("k", [1, 500, 999])
-@pytest.mark.parametrize(("back", "word"), [(0.0, "stands still"), (0.3, "goes backwards")])
+@pytest.mark.parametrize(
+    ("back", "word"), [(0.0, "stands still"), (-1e-10, "stands still"), (0.3, "goes backwards")]
+)
 def test_time_must_go_forward(k, back, word):
     t = np.arange(1000) / 1000.0
     t[k] = t[k - 1] - back
     with pytest.raises(InputError, match=f"sample {k + 1}, column `t`: time {word}"):
         grid(t)
+
+
+def test_a_stamp_that_came_early_is_jitter():
+    t = np.arange(1000) / 1000.0
+    t[500] = t[499] + 1e-8
+    assert grid(t).sampling.jitter > 0.9
 
 
 def test_too_much_missing_is_refused():
