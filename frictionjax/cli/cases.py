@@ -101,7 +101,7 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
     ]
     files = [(name, "fit") for name in arguments.inputs] + [(name, "holdout") for name in arguments.holdout]
     for place, (file, role) in enumerate(files):
-        values = {"file": Path(os.path.relpath(file, folder)).as_posix(), "role": role}
+        values: dict[str, Any] = {"file": Path(os.path.relpath(file, folder)).as_posix(), "role": role}
         values |= {
             key: given[key] for key in ("loop", "drive", "sample_rate", "units", "scale") if key in given
         }

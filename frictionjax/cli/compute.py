@@ -60,9 +60,8 @@ def _starts(case: "Case", effects: list[str]) -> "list[Drive]":
     else:
         start = starting_values(recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia)
     known = {} if plant.inertia is None else {"J": plant.inertia}
-    return [
-        dataclasses.replace(drive, effects=tuple(form() for form in forms), **known) for drive in start.drives
-    ]
+    beside = tuple(form() for form in forms)  # type: ignore[call-arg]
+    return [dataclasses.replace(drive, effects=beside, **known) for drive in start.drives]
 
 
 def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -91,7 +90,7 @@ def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         )
     if arguments.out is not None:
         values = np.asarray(response.response)
-        columns = (response.frequency, values.real, values.imag, response.coherence, response.std)
+        columns = (response.frequency, np.real(values), np.imag(values), response.coherence, response.std)
         _write_csv(arguments.out, "frequency,real,imaginary,coherence,std", columns)
     terminal.close()
     names = ("J", "stiffness", "damping", "natural_frequency", "damping_ratio")

@@ -53,9 +53,9 @@ def _png(case: Case) -> bytes:
     panels = figure.subplots(len(drawn), 2, squeeze=False)
     for (left, right), recording in zip(panels, drawn, strict=True):
         t = np.asarray(recording.t)
-        cause = ("force", plant.force_unit, recording.force)
-        if recording.drive == "force" or recording.force is None:
-            cause = ("input", plant.input_unit, recording.u)
+        cause = ("input", plant.input_unit, recording.u)
+        if recording.drive == "motion" and recording.force is not None:
+            cause = ("force", plant.force_unit, recording.force)
         for axes, (name, unit, values) in (
             (left, ("position", plant.position_unit, recording.x)),
             (right, cause),

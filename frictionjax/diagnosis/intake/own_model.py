@@ -4,7 +4,7 @@ The recordings are then searched for what that model leaves out, not for what a 
 """
 
 import dataclasses
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -49,7 +49,7 @@ class OwnModel(eqx.Module):
         elif "Fs" in own and "Fc" not in own:
             own["Fc"] = own["Fs"] * float(friction.Fc / friction.Fs)
         names = [parameter.name for parameter in friction.parameters]
-        values = {name: own.get(name, getattr(friction, name)) for name in names}
+        values: dict[str, Any] = {name: own.get(name, getattr(friction, name)) for name in names}
         return Drive(J, LuGre(**values), drive.motor_constant, self.effects)
 
 
@@ -111,7 +111,9 @@ def starting_values_beside(own: OwnModel, case: Case) -> tuple[Start, OwnModel]:
     if not own.effects:
         return dataclasses.replace(start, drives=tuple(own.applied(drive) for drive in start.drives)), own
     known = {type(own.effects[place]) for place in own.open}
-    found = {type(one.effect): one.effect for one in force_balance(recordings, start.drives, inertia=inertia)}
+    found: dict[type[AbstractEffect], AbstractEffect] = {
+        type(one.effect): one.effect for one in force_balance(recordings, start.drives, inertia=inertia)
+    }
     effects = tuple(
         found.get(type(effect), effect) if type(effect) in known else effect for effect in own.effects
     )
@@ -166,7 +168,8 @@ def _effect(case: Case, given: GivenEffect) -> AbstractEffect:
             f"{given.name} needs a value of {listed(needed)}",
             f'Write effects = [{{name = "{given.name}", {needed[0]} = ...}}]',
         )
-    return form(**{key: jnp.asarray(value.value) for key, value in given.values.items()})
+    values: dict[str, Any] = {key: jnp.asarray(value.value) for key, value in given.values.items()}
+    return form(**values)
 
 
 def _in_range(case: Case, parameter: Parameter, given: Given) -> None:

@@ -50,7 +50,7 @@ class ArrayTable(AbstractTable):
         return [self._numbers(name) for name in names]
 
     def _numbers(self, name: str) -> Float[np.ndarray, " _"]:
-        values = np.asarray(self.columns[name]())
+        values = self._values(name, self.columns[name])
         if (why := not_numbers(values.dtype)) or values.ndim != 1:
             raise InputError(
                 f"the {self.noun} `{shown(name)}` {why or f'has {values.ndim} dimensions, not one'}",
@@ -64,11 +64,21 @@ class ArrayTable(AbstractTable):
 
     def clock(self, name: str) -> Float[np.ndarray, " _"] | None:
         read = self.clocks.get(name)
-        return (
-            None
-            if read is None
-            else np.ascontiguousarray(since_the_first(np.asarray(read())), dtype=np.float64)
-        )
+        if read is None:
+            return None
+        return np.ascontiguousarray(since_the_first(self._values(name, read)), dtype=np.float64)
+
+    def _values(self, name: str, read: Callable[[], np.ndarray]) -> np.ndarray:
+        try:
+            return np.asarray(read())
+        except InputError:
+            raise
+        except Exception as error:  # whatever a damaged file makes of the library that reads it
+            raise InputError(
+                f"the {self.noun} `{shown(name)}` cannot be read ({shown(type(error).__name__)}: {shown(error, 80)})",
+                file=shown(self.path, 200),
+                cure="Export the file again",
+            ) from None
 
     def place(self, index: int) -> str:
         return f"sample {index + 1}"

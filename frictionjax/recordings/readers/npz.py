@@ -27,7 +27,8 @@ def open_npz(path: Path) -> ArrayTable:
     """
     found = Collected("array")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # A stream of ours is closed whatever happens.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             if isinstance(archive, np.ndarray):
                 raise InputError("is a single array", file=shown(path, 200), cure="Save with numpy.savez")
             for name in archive.files:

@@ -46,7 +46,9 @@ def open_tdms(path: Path) -> ArrayTable:
                         float(channel.properties["wf_increment"]),
                         len(channel),
                     )
-    except (OSError, ValueError, KeyError, EOFError, TypeError, IndexError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged file makes of the library
         raise InputError(
             f"is not a TDMS file that can be read ({shown(error, 80)})",
             file=shown(path, 200),
