@@ -53,7 +53,7 @@ BOTH = ["run.csv", "--holdout", "kept.csv"]
 
 def test_every_key_of_a_case_file_is_an_option():
     roles = {"file", "role"}  # the files themselves, and --holdout
-    keys = {*PLANT_KEYS, *RECORDING_KEYS, *CASE_KEYS} - roles - {"plant", "recording"}
+    keys = {*PLANT_KEYS, *RECORDING_KEYS, *CASE_KEYS} - roles - {"plant", "recording", "model"}
     assert set(OPTIONS) - {"holdout"} == keys
 
 
@@ -126,7 +126,9 @@ def test_every_example_in_a_new_case_file_is_right(files, capsys):
 def test_a_new_case_file_in_another_folder_finds_the_files(files, capsys):
     (files / "cases").mkdir()
     assert main(["case", "new", *BOTH, "--out", "cases/arm.toml"]) == 0
-    assert [r.name for r in read(files / "cases" / "arm.toml").recordings] == ["run", "kept"]
+    file = files / "cases" / "arm.toml"
+    assert [r.name for r in load_case(file, allow_outside=True).recordings] == ["run", "kept"]
+    assert "--allow-outside" in file.read_text().splitlines()[1]
 
 
 @pytest.mark.parametrize(

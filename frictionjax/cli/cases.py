@@ -100,6 +100,10 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         *(_line(key, known[key], *_PLANT[key]) for key in known),
     ]
     files = [(name, "fit") for name in arguments.inputs] + [(name, "holdout") for name in arguments.holdout]
+    if any(not Path(name).resolve().is_relative_to(folder.resolve()) for name, _ in files):
+        lines.insert(
+            1, "# Recordings lie outside of the folder of this file: it is read with --allow-outside."
+        )
     for place, (file, role) in enumerate(files):
         values: dict[str, Any] = {"file": Path(os.path.relpath(file, folder)).as_posix(), "role": role}
         values |= {

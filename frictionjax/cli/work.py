@@ -84,8 +84,8 @@ def _diagnosed(
     case: "Case", out: Path, terminal: Terminal, *, start: float
 ) -> tuple["Diagnosis", Path, "InputError | None"]:
     """The diagnosis, with its warnings printed; where it was saved, and why not in `out`."""
+    from frictionjax.api import diagnose
     from frictionjax.core import InputError
-    from frictionjax.diagnosis import diagnose
     from frictionjax.report import check_writable, rescue_diagnosis
 
     check_writable(out, case)

@@ -25,7 +25,7 @@ _GAMMA = 1.0 - 0.5**0.5
 _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 # A bristle never deflects beyond G/sigma0; an accurate step stays below this multiple of it.
 _BENT = 2.5
-# A bend this near to that of steady sliding has the slope of the law there.
+# On a way as short as this the slope of the law is that at its beginning.
 _NEAR = 1e-3
 
 
@@ -130,11 +130,12 @@ def ros2_step(
         beside_v = jnp.where(turns, jnp.maximum(beside_v, beyond_v), beside_v)
     if drive.has_steep_slip:
         # A step may begin where the bristle hardly slips and reach where it slips: A then takes the mean slope of the
-        # law up to steady sliding.
+        # law on the way that a bristle without slip would go, up to steady sliding.
         steady = sign(fast)
-        way = steady - bend
+        reached = steady * jnp.minimum(steady * (bend + h * faster(w, w_v) * slope * softness), 1.0)
+        way = reached - bend
         near = jnp.abs(way) < _NEAR
-        rise = (drive.slip(steady, fast) - lost) / jnp.where(near, 1.0, way)
+        rise = (drive.slip(reached, fast) - lost) / jnp.where(near, 1.0, way)
         lost_b = jnp.maximum(lost_b, jnp.where(near, lost_b, rise))
     slip = jnp.abs(fast) * softness
     rate_z = -slip * slope * lost_b

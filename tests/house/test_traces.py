@@ -296,22 +296,16 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "configure_jax": ("sets JAX up", lambda folder: _configure()),
     "excitation.silent_lines": (
         "whole numbers only",
-        lambda folder: excitation.silent_lines(np.array([3, 5, 9]), 1.0),
+        lambda _: excitation.silent_lines(np.array([3, 5, 9]), 1.0),
     ),
     "extrapolate_to_zero_amplitude": (
         "a handful of small least squares, in numpy",
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
     ),
     "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
-    "identifiability": (
-        "small matrices, in numpy",
-        lambda folder: api.identifiability(_information()),
-    ),
+    "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(_information())),
     "load_case": ("reads files", lambda folder: toml(folder)()),
-    "load_diagnosis": (
-        "reads files",
-        lambda folder: api.load_diagnosis(api.save_diagnosis(fake_diagnosis(n=500), folder, report=False)),
-    ),
+    "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(_diagnosis_in(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
     "bam_parameters": (
@@ -321,27 +315,24 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "isaac_lab_actuator": ("a few numbers", lambda folder: api.isaac_lab_actuator(PLANT)),
     "urdf_dynamics": ("a few numbers", lambda folder: api.urdf_dynamics(PLANT)),
     "plot": ("draws", lambda folder: api.plot(fake_diagnosis(n=500))),
-    "recording_from_frame": (
-        "reads a table",
-        lambda folder: api.recording_from_frame(
-            {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.cos(np.arange(200.0))}
-        ),
-    ),
-    "save_diagnosis": (
-        "writes files",
-        lambda folder: api.save_diagnosis(fake_diagnosis(n=500), folder, report=False),
-    ),
+    "recording_from_frame": ("reads a table", lambda folder: api.recording_from_frame(_table())),
+    "save_diagnosis": ("writes files", lambda folder: _diagnosis_in(folder)),
     "save_fit": ("writes a file", lambda folder: _saved(folder)),
     "resonances": (
         "small least squares next to one peak, in numpy",
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
     ),
-    "run_study": (
-        "calls what it is given",
-        lambda folder: api.run_study(api.Design(_plain, ({"gain": 2.0},))),
-    ),
+    "run_study": ("calls what it is given", lambda _: api.run_study(api.Design(_plain, ({"gain": 2.0},)))),
 }
 """Verbs that never touch JAX: why, and a call that shows it."""
+
+
+def _table():
+    return {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.cos(np.arange(200.0))}
+
+
+def _diagnosis_in(folder):
+    return api.save_diagnosis(fake_diagnosis(n=500), folder, report=False)
 
 
 def _configure() -> None:

@@ -10,7 +10,7 @@ import warnings
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
-from frictionjax.cli import _terminable
+from frictionjax.cli.program import _terminable
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.report import replace, save, save_diagnosis
 from frictionjax.report.claim import claimed
