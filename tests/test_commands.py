@@ -42,10 +42,10 @@ def error(capsys) -> str:
     return line
 
 
-def read(path):
+def read(path, **options):
     """The case, without a word on its units."""
     with warnings.catch_warnings(action="ignore", category=FrictionjaxWarning):
-        return load_case(path)
+        return load_case(path, **options)
 
 
 BOTH = ["run.csv", "--holdout", "kept.csv"]
@@ -127,7 +127,7 @@ def test_a_new_case_file_in_another_folder_finds_the_files(files, capsys):
     (files / "cases").mkdir()
     assert main(["case", "new", *BOTH, "--out", "cases/arm.toml"]) == 0
     file = files / "cases" / "arm.toml"
-    assert [r.name for r in load_case(file, allow_outside=True).recordings] == ["run", "kept"]
+    assert [r.name for r in read(file, allow_outside=True).recordings] == ["run", "kept"]
     assert "--allow-outside" in file.read_text().splitlines()[1]
 
 

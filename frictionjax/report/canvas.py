@@ -38,8 +38,6 @@ _STYLE = {
     "lines.linewidth": 1.1,
     "lines.solid_joinstyle": "round",
     "agg.path.chunksize": 0,
-    # Units and names are text of the user: a dollar sign is one, and no formula begins there.
-    "text.parse_math": False,
     "text.usetex": False,
 }
 
@@ -48,6 +46,14 @@ _STYLE = {
 def drawing() -> Iterator[None]:
     """Draw in the report's own style, whatever the user's matplotlib settings are."""
     with style.context(["default", _STYLE]):
+        yield
+
+
+@contextmanager
+def plain_text() -> Iterator[None]:
+    """Draw all text as it is. Units and names are text of the user: a dollar sign is one, and no formula begins there.
+    Powers of ten on logarithmic axes are formulas, and need another way."""
+    with style.context({"text.parse_math": False}):
         yield
 
 
@@ -73,8 +79,10 @@ def stack(heights: Sequence[float]) -> Iterator[tuple[Figure, list[Axes]]]:
     try:
         figure, axes = spare.pop()
     except IndexError:
-        figure, axes = _new_stack(heights)
-    yield figure, axes
+        with plain_text():
+            figure, axes = _new_stack(heights)
+    with plain_text():
+        yield figure, axes
     for panel in axes:
         for artist in (*panel.lines, *panel.collections, *panel.patches, *panel.texts):
             artist.remove()

@@ -30,7 +30,7 @@ def draw_recordings(case: Case, path: str | Path) -> Path:
 
     **Raises:** `InputError` when the file cannot be written.
     """
-    with canvas.drawing():
+    with canvas.drawing(), canvas.plain_text():
         data = _png(case)
     path = Path(path)
     fresh = path.with_name(f".{path.name}.{os.getpid()}.part")

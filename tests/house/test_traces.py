@@ -14,7 +14,7 @@ from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
-from helpers_traces import loaded, programs, recordings, start
+from helpers_traces import columns, loaded, programs, recordings, saved_diagnosis, start
 from scipy.signal import lfilter
 
 import frictionjax.api as api
@@ -305,7 +305,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
     "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(_information())),
     "load_case": ("reads files", lambda folder: toml(folder)()),
-    "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(_diagnosis_in(folder))),
+    "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
     "bam_parameters": (
@@ -315,8 +315,8 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "isaac_lab_actuator": ("a few numbers", lambda folder: api.isaac_lab_actuator(PLANT)),
     "urdf_dynamics": ("a few numbers", lambda folder: api.urdf_dynamics(PLANT)),
     "plot": ("draws", lambda folder: api.plot(fake_diagnosis(n=500))),
-    "recording_from_frame": ("reads a table", lambda folder: api.recording_from_frame(_table())),
-    "save_diagnosis": ("writes files", lambda folder: _diagnosis_in(folder)),
+    "recording_from_frame": ("reads a table", lambda folder: api.recording_from_frame(columns())),
+    "save_diagnosis": ("writes files", lambda folder: saved_diagnosis(folder)),
     "save_fit": ("writes a file", lambda folder: _saved(folder)),
     "resonances": (
         "small least squares next to one peak, in numpy",
@@ -325,14 +325,6 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "run_study": ("calls what it is given", lambda _: api.run_study(api.Design(_plain, ({"gain": 2.0},)))),
 }
 """Verbs that never touch JAX: why, and a call that shows it."""
-
-
-def _table():
-    return {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.cos(np.arange(200.0))}
-
-
-def _diagnosis_in(folder):
-    return api.save_diagnosis(fake_diagnosis(n=500), folder, report=False)
 
 
 def _configure() -> None:

@@ -1,14 +1,17 @@
 """Counting what JAX traces and compiles, and short recordings that a fit goes through in seconds."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import jax
 import numpy as np
+from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import PLANT, break_away, large_noise
 from helpers_plants import effect
 
 from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import Recording
+from frictionjax.report import save_diagnosis
 from frictionjax.simulation import simulate
 
 _EVENTS = {
@@ -65,3 +68,13 @@ def recordings(
         x = np.asarray(simulate(drive, u, rate).x) + 1e-6 * rng.standard_normal(SAMPLES)
         found.append(Recording(f"{prefix}{i}", rate, np.asarray(u[:samples], float), x[:samples]))
     return tuple(found)
+
+
+def columns() -> dict[str, np.ndarray]:
+    """A short table of a recording, in memory."""
+    return {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.cos(np.arange(200.0))}
+
+
+def saved_diagnosis(folder: Path) -> Path:
+    """A diagnosis that is saved in the `folder`."""
+    return save_diagnosis(fake_diagnosis(n=500), folder, report=False)

@@ -12,7 +12,7 @@ from frictionjax.diagnosis.verdict import MismatchBin, RecordingFit
 from frictionjax.report.canvas import BAND, BASE, EXTENDED, band, line
 from frictionjax.report.figures import answer_of
 from frictionjax.report.format import engineering, quantity, words
-from frictionjax.report.plots.sheet import Place, labelled, legend, new_axes
+from frictionjax.report.plots.sheet import Place, labelled, legend, new_axes, without_formulas
 from frictionjax.report.series import holdout_first, is_extended, limits, zoom
 
 _MOST_BINS = 12
@@ -69,13 +69,12 @@ def _errors(panel: Axes, diagnosis: Diagnosis, recording: RecordingFit, extended
     band(panel, t, np.full(t.size, 2.0 * factor * recording.noise_floor))
     for (name, _, rmse, colour), error in zip(models, errors, strict=True):
         line(panel, t, factor * error, colour)
-        panel.plot([], [], color=colour, label=f"{name}: {quantity(rmse, unit)} rms")
+        panel.plot([], [], color=colour, label=without_formulas(f"{name}: {quantity(rmse, unit)} rms"))
     panel.set_ylim(limits(*(factor * error for error in errors), margin=0.1))
     panel.set_ylabel(labelled(f"{answer} error, 0.1 s ahead", label), fontsize=7.5)
     role = "held out" if recording.role == "holdout" else "fitted"
-    panel.set_title(
-        f"{diagnosis.case}: {diagnosis.verdict}. Close-up of {recording.name} ({role})", fontsize=8.5
-    )
+    title = f"{diagnosis.case}: {diagnosis.verdict}. Close-up of {recording.name} ({role})"
+    panel.set_title(without_formulas(title), fontsize=8.5)
     legend(panel, loc="best")
 
 

@@ -75,7 +75,13 @@ def new_axes(panels: Panels, place: Place, shared: Sequence[str] = ()) -> dict[s
 def labelled(name: str, unit: str) -> str:
     """The label of an axis: a `name` and its `unit`, which a ratio has none of."""
     text = unit_text(unit)
-    return f"{name} ({text})" if text else name
+    return without_formulas(f"{name} ({text})" if text else name)
+
+
+def without_formulas(text: str) -> str:
+    """The `text` of a user with its dollar signs as such: matplotlib takes what stands between two of them for a
+    formula, as it must for the powers of ten of a logarithmic axis."""
+    return text.replace("$", r"\$")
 
 
 def units_of(units: Mapping[str, str] | None) -> dict[str, str]:
