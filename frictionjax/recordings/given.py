@@ -19,7 +19,7 @@ CaseData = Case | str | Path | Recording | Frame | Sequence[str | Path] | Sequen
 _KINDS = "Give a `Case`, the path of a case file or of a recording, a DataFrame, a `Recording`, or a list of recordings"
 
 
-def case_of(data: CaseData, *, plant: Plant | None = None, place: str = "`case`") -> Case:
+def case_of(data: object, *, plant: Plant | None = None, place: str = "`case`") -> Case:
     """The case that `data` stands for.
 
     **Arguments:**
