@@ -5,10 +5,9 @@ import textwrap
 from typing import Any
 
 from frictionjax.core import InputError, Parameter
+from frictionjax.core.display import WIDTH
 from frictionjax.physics import catalogue
 from frictionjax.physics.effects import AbstractEffect
-
-_WIDTH = 100  # columns of a line
 
 
 def effects_lines() -> list[str]:
@@ -44,11 +43,11 @@ def effect_lines(name: str) -> list[str]:
     lines = [name]
     for title, text in facts:
         if text:
-            lines += textwrap.wrap(f"{title}: {text}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
+            lines += textwrap.wrap(f"{title}: {text}", WIDTH, initial_indent="  ", subsequent_indent="    ")
     for form in forms:
         other = f" ({form.about.equation})" if form.about.equation != about.equation else ""
         lines += textwrap.wrap(
-            f"Form {form.__name__}{other}", _WIDTH, initial_indent="  ", subsequent_indent="    "
+            f"Form {form.__name__}{other}", WIDTH, initial_indent="  ", subsequent_indent="    "
         )
         for parameter in (*form.strengths, *form.nuisances):
             lines.append(f"    {parameter.name} [{_unit(parameter)}]: {parameter.meaning}")

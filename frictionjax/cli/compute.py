@@ -1,6 +1,5 @@
 """The commands that compute one thing: `fit`, `frf`, `simulate`."""
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,10 +26,11 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     terminal.progress("starting values", 0.0)
+    starts, fixed = _starts(case, arguments.effect)
     result = fit(
-        _starts(case, arguments.effect),
+        starts,
         case.fit_recordings,
-        known_inertia=plant.inertia is not None,
+        fixed=fixed,
         encoder_step=plant.encoder_step,
         units=units,
         progress=terminal.progress,
@@ -47,21 +47,18 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         say(["", f"Written: {arguments.out}"])
 
 
-def _starts(case: "Case", effects: list[str]) -> "list[Drive]":
-    """Starting values from the recordings of a `case`, with `effects` at zero strength beside the base model."""
+def _starts(case: "Case", effects: list[str]) -> "tuple[list[Drive], tuple[str, ...]]":
+    """Starting values from the recordings of a `case`: its own model, with `effects` at zero strength beside it; and
+    the labels of the parameters that the case fixes."""
     from frictionjax.cli.catalogue import forms_of
-    from frictionjax.estimation.start.driven import starting_values
-    from frictionjax.estimation.start.imposed import starting_values_imposed
+    from frictionjax.diagnosis.intake.starting_point import starts_of
+    from frictionjax.estimation.parameters import effect_labels
 
-    forms = [forms_of(name)[0] for name in effects]
-    recordings, plant = case.fit_recordings, case.plant
-    if recordings[0].drive == "motion":
-        start = starting_values_imposed(recordings)
-    else:
-        start = starting_values(recordings, motor_constant=plant.motor_constant or 1.0, inertia=plant.inertia)
-    known = {} if plant.inertia is None else {"J": plant.inertia}
-    beside = tuple(form() for form in forms)  # type: ignore[call-arg]
-    return [dataclasses.replace(drive, effects=beside, **known) for drive in start.drives]
+    start, own = starts_of(case)
+    beside = tuple(forms_of(name)[0]() for name in effects)  # type: ignore[call-arg]
+    drives = [drive.with_effects(*beside) for drive in start.drives]
+    labels = effect_labels(drives[0])
+    return drives, tuple(sorted(labels.get(path, path.removeprefix("friction.")) for path in own.fixed))
 
 
 def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:

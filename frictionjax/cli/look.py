@@ -1,6 +1,5 @@
 """The commands that fit nothing: `check`, `case new`, `effects`, `explain`."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,19 +95,9 @@ def effects(arguments: "argparse.Namespace", terminal: Terminal) -> None:
 
 def explain(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax explain`."""
-    from frictionjax.core import InputError
-    from frictionjax.recordings.words import require_file
-    from frictionjax.report.saved import explain_saved
+    from frictionjax.report.load import explain_saved
 
     path = Path(arguments.verdict)
-    path = require_file(path / "verdict.json" if path.is_dir() else path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError):
-        raise InputError(
-            "is not a verdict.json", file=path, cure="Give the file that `diagnose` wrote"
-        ) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=path, cure="Check its rights") from None
+    said = explain_saved(path / "verdict.json" if path.is_dir() else path, arguments.effect)
     terminal.close()
-    say([explain_saved(content, arguments.effect, file=path)])
+    say([said])

@@ -71,7 +71,7 @@ class Free(eqx.Module):
         return lower / self.scale + none, upper / self.scale + none
 
 
-_INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
+INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 
 def base_layout(
@@ -79,7 +79,7 @@ def base_layout(
 ) -> tuple[Free, ...]:
     """The free parameters of the base model: J (unless known) and the six of LuGre, where no integration step is longer
     than `dt` s; `imposed` as in `Free`."""
-    inertia = () if known_inertia else (Free("J", _INERTIA, "J"),)
+    inertia = () if known_inertia else (Free("J", INERTIA, "J"),)
     friction = []
     for parameter in drive.friction.parameters:
         bounded = parameter.name == "sigma0" and not imposed
@@ -92,11 +92,9 @@ def base_layout(
 def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> tuple[Free, ...]:
     """The free parameters of the effects of `drive`, from effect number `first` on; `scales` gives the plant's own
     sizes by name."""
-    layout, taken = [], {"J", *(parameter.name for parameter in drive.friction.parameters)}
+    layout, labels = [], effect_labels(drive)
     for index, effect in enumerate(drive.effects):
         for parameter in effect.strengths + effect.nuisances:
-            label = f"{effect.name}.{parameter.name}" if parameter.name in taken else parameter.name
-            taken.add(label)
             if index < first or parameter.transform == "none":
                 continue
             scale = 1.0
@@ -104,8 +102,21 @@ def effect_layout(drive: Drive, scales: dict[str, float], *, first: int = 0) -> 
                 scale = (
                     parameter.scale if isinstance(parameter.scale, float) else scales[str(parameter.scale)]
                 )
-            layout.append(Free(f"effects.{index}.{parameter.name}", parameter, label, scale, parameter.upper))
+            path = f"effects.{index}.{parameter.name}"
+            layout.append(Free(path, parameter, labels[path], scale, parameter.upper))
     return tuple(layout)
+
+
+def effect_labels(drive: Drive) -> dict[str, str]:
+    """Path -> label of every parameter of the effects of `drive`: its own name, with that of its effect before it where
+    another parameter has the same."""
+    labels, taken = {}, {"J", *(parameter.name for parameter in drive.friction.parameters)}
+    for index, effect in enumerate(drive.effects):
+        for parameter in effect.strengths + effect.nuisances:
+            label = f"{effect.name}.{parameter.name}" if parameter.name in taken else parameter.name
+            taken.add(label)
+            labels[f"effects.{index}.{parameter.name}"] = label
+    return labels
 
 
 def part_of(tree: PyTree, path: str) -> PyTree:

@@ -5,13 +5,14 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_of
@@ -77,7 +78,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
                 _recording(folder, name, entry, searched.content["residual_force_extended"][name])
                 for name, entry in root.table("fit").tables()
             ),
-            candidates=tuple(Candidate(**_numbered(entry.content)) for entry in root.listed("candidates")),
+            candidates=_candidates(root),
             warnings=tuple(root.content["warnings"]),
             seconds=dict(root.table("seconds").content),
             within=tuple(Within(**_numbered(entry.content)) for entry in root.listed("mismatch_within")),
@@ -89,10 +90,41 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             else Unmeasured(**_numbered(root.table("unmeasured_force").content)),
         )
     except (TypeError, KeyError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        problem = f"has other fields than this version of frictionjax knows ({shown(error)})"
-        raise InputError(problem, file=folder / "verdict.json", cure=_AGAIN) from error
+        raise _other_fields(error, folder / "verdict.json") from error
+
+
+class _Searched(NamedTuple):
+    """The part of a verdict that an explanation needs."""
+
+    candidates: tuple[Candidate, ...]
+    missing: tuple[MissingEffect, ...]
+
+
+def explain_saved(path: Path, effect: str) -> str:
+    """Why an `effect` was named or not, as `Diagnosis.explain` says it, from the verdict.json at `path` alone.
+
+    **Raises:** `InputError` as `load_diagnosis` does, and for a name that is not among its candidates.
+    """
+    root = _json(path, SCHEMA)
+    try:
+        searched = _Searched(
+            _candidates(root), tuple(_missing(entry, {}) for entry in root.listed("missing"))
+        )
+    except (TypeError, KeyError, ValueError) as error:
+        raise _other_fields(error, path) from error
+    return explain_effect(searched, effect)
+
+
+def _candidates(root: Table) -> tuple[Candidate, ...]:
+    return tuple(Candidate(**_numbered(entry.content)) for entry in root.listed("candidates"))
+
+
+def _other_fields(error: Exception, path: Path) -> InputError:
+    """The error for what does not fit the fields of this version."""
+    if isinstance(error, InputError):
+        return error
+    problem = f"has other fields than this version of frictionjax knows ({shown(error)})"
+    return InputError(problem, file=path, cure=_AGAIN)
 
 
 def _json(path: Path, schema: str) -> Table:

@@ -65,7 +65,7 @@ def _png(case: Case) -> bytes:
             axes.set_ylabel(name if label == name else f"{name} ({label})")
             axes.set_xlabel("time (s)")
         role = "fitted" if recording.role == "fit" else "held out"
-        left.set_title(f"{shown(recording.name, 40)}, {role}", loc="left", fontsize=9.0, parse_math=False)
+        left.set_title(f"{shown(recording.name, 40)}, {role}", loc="left", fontsize=9.0)
     if len(case.recordings) > _MOST:
         figure.supxlabel(f"and {len(case.recordings) - _MOST} recordings more", fontsize=9.0)
     stream = io.BytesIO()

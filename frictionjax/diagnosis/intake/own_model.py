@@ -11,14 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from frictionjax.core import InputError, Parameter
+from frictionjax.estimation.parameters import INERTIA
 from frictionjax.estimation.start.driven import Start, starting_values
 from frictionjax.estimation.start.force_balance import force_balance, force_of
 from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractStateEffect, catalogue
 from frictionjax.recordings import Case, Given, GivenEffect, GivenModel, Recording
 from frictionjax.recordings.words import listed, nearest, shown
-
-_INERTIA = Parameter("J", "{force}*s^2/{position}", "inertia", "log")
 
 
 class OwnModel(eqx.Module):
@@ -136,7 +135,7 @@ def _without_force(
 
 
 def _parameters() -> tuple[Parameter, ...]:
-    return (_INERTIA, *LuGre(1.0, 1.0, 1.0, 1.0, 1.5, 1.0).parameters)
+    return (INERTIA, *LuGre(1.0, 1.0, 1.0, 1.0, 1.5, 1.0).parameters)
 
 
 def _effect(case: Case, given: GivenEffect) -> AbstractEffect:

@@ -51,21 +51,27 @@ class StartingPoint(eqx.Module):
 
 def starting_point(case: Case) -> StartingPoint:
     """Estimate starting values from the fitted recordings of a `case` that passes `check`."""
-    plant, recordings, own = case.plant, case.fit_recordings + case.holdout_recordings, own_model(case)
+    plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
+    start, own = starts_of(case)
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     if recordings[0].drive == "motion":
         batch = make_imposed_batch(recordings)
-        start = starting_values_imposed(case.fit_recordings, inertia=plant.inertia)
-        drives = tuple(own.applied(drive) for drive in start.drives)
-        start = dataclasses.replace(start, drives=drives)
         return StartingPoint(
             recordings, batch, held_out, start, own, (*start.notes, _NO_INERTIA, *_said(own))
         )
-    start, own = starting_values_beside(own, case)
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
     no_constant = "The motor constant is unknown: every force is per input unit."
     notes = () if plant.motor_constant is not None else (no_constant,)
     return StartingPoint(recordings, batch, held_out, start, own, (*start.notes, *notes, *_said(own)))
+
+
+def starts_of(case: Case) -> tuple[Start, OwnModel]:
+    """Starting values of the fitted recordings of a `case`, with what its own model gives; and that model."""
+    own = own_model(case)
+    if case.fit_recordings[0].drive == "force":
+        return starting_values_beside(own, case)
+    start = starting_values_imposed(case.fit_recordings, inertia=case.plant.inertia)
+    return dataclasses.replace(start, drives=tuple(own.applied(drive) for drive in start.drives)), own
 
 
 def _said(own: OwnModel) -> tuple[str, ...]:

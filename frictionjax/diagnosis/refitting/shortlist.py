@@ -39,14 +39,9 @@ def short_list(
     linear = sorted(best, key=lambda t: -t.linear_gain)[: budget.linear_forms]
     # What is confused with the leader may be the truth although its first step gains less: with all its forms, for the
     # step of one may be a mirage where that of the other is none.
-    lead = best[0].form
-    confused = [
-        t.effect
-        for t in best
-        if (t.effect in lead.about.confused_with or lead.name in t.form.about.confused_with)
-        and t.linear_gain > least_gain
-    ]
-    names = list(dict.fromkeys([lead.name, *confused]))[: 1 + budget.related]
+    lead = best[0].effect
+    confused = [t.effect for t in best if t.effect in confused_with(lead) and t.linear_gain > least_gain]
+    names = list(dict.fromkeys([lead, *confused]))[: 1 + budget.related]
     related = [t for t in best if t.effect in names and t.linear_gain > least_gain]
     chosen: list[Trial] = []
     for trial in kept + linear + related:

@@ -1,19 +1,16 @@
 """MATLAB files up to v7: vectors, matrices and structs of numbers."""
 
+import functools
 import io
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
-import equinox as eqx
 import numpy as np
-from jaxtyping import Float
 from scipy.io import loadmat
 
 from frictionjax.core import InputError
 from frictionjax.recordings.limits import content, too_large
 from frictionjax.recordings.readers.arrays import ArrayTable
-from frictionjax.recordings.readers.base import AbstractTable
 from frictionjax.recordings.readers.hdf5 import open_mat73
 from frictionjax.recordings.readers.mat_check import Damaged, TooLarge, variables
 from frictionjax.recordings.words import shown
@@ -23,47 +20,15 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _WIDEST_MATRIX = 64
 
 
-class MatTable(AbstractTable):
-    """The numeric vectors of a `.mat` file, under the names that MATLAB gives them.
-
-    A field of a struct is `run.u`, of the second element of a struct array `run(2).u`, a matrix column
-    `data(:,1)`.
-    """
-
-    path: Path = eqx.field(static=True)
-    names: tuple[str, ...] = eqx.field(static=True)
-    columns: dict[str, Float[np.ndarray, " _"]]
-    refused: dict[str, str] = eqx.field(static=True)
-
-    def has(self, name: str) -> bool:
-        return name in self.columns
-
-    def absence(self, name: str) -> str:
-        if name in self.refused:
-            return f"the variable `{shown(name)}` {self.refused[name]}"
-        return f"there is no variable `{shown(name)}`"
-
-    def read(self, names: Sequence[str]) -> list[Float[np.ndarray, " _"]]:
-        return [self.columns[name] for name in names]
-
-    def unit(self, name: str) -> str:
-        return ""
-
-    def clock(self, name: str) -> None:
-        return None
-
-    def place(self, index: int) -> str:
-        return f"sample {index + 1}"
-
-
-def open_mat(path: Path) -> MatTable | ArrayTable:
+def open_mat(path: Path) -> ArrayTable:
     """Open a MATLAB file of version 4 to 7.3.
 
     **Arguments:**
 
     - `path`: an existing `.mat` file.
 
-    **Returns:** its table.
+    **Returns:** its table. A field of a struct is `run.u`, of the second element of a struct array `run(2).u`, a matrix
+    column `data(:,1)`.
 
     **Raises:** `InputError` for a damaged file, one without a numeric vector, and a v7.3 (HDF5) file where h5py is
     absent.
@@ -108,7 +73,8 @@ def open_mat(path: Path) -> MatTable | ArrayTable:
         raise InputError(
             "the file contains no numeric vector", file=file, cure="Save each channel as a numeric vector"
         )
-    return MatTable(path, tuple(columns), columns, refused)
+    readers = {name: functools.partial(np.asarray, values) for name, values in columns.items()}
+    return ArrayTable(path, tuple(columns), readers, refused, "variable", {}, {})
 
 
 def _collect(name: str, value: object, columns: dict[str, np.ndarray], refused: dict[str, str]) -> None:
