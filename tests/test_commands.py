@@ -251,6 +251,25 @@ def test_fit_starts_from_the_recordings_and_keeps_what_the_case_knows(files, cap
         assert [effect.name for effect in drive.effects] == ["return_spring", "constant_load"]
 
 
+def test_fit_starts_from_the_model_of_the_case(files, monkeypatch):
+    called = {}
+
+    def fit(drives, recordings, **options):
+        called.update(options, drives=drives)
+        return FITTED
+
+    monkeypatch.setattr("frictionjax.estimation.fit", fit)
+    model = "[model]\nparameters = {J = 0.3, Fc = {value = 0.7, fixed = true}}\n"
+    model += 'effects = [{name = "constant_load", load = {value = 0.1, fixed = true}}]\n'
+    recordings = '[[recording]]\nfile = "run.csv"\n[[recording]]\nfile = "kept.csv"\nrole = "holdout"\n'
+    (files / "own.toml").write_text(model + recordings)
+    assert main(["fit", "own.toml", "--effect", "return_spring"]) == 0
+    assert called["fixed"] == ("Fc", "load")
+    for drive in called["drives"]:
+        assert (float(drive.J), float(drive.friction.Fc)) == (0.3, 0.7)
+        assert [effect.name for effect in drive.effects] == ["constant_load", "return_spring"]
+
+
 def test_simulate_runs_a_saved_drive_on_a_recorded_input(files, capsys, monkeypatch):
     from frictionjax.physics import Drive, LuGre
 
