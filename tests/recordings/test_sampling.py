@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from frictionjax.core import InputError
-from frictionjax.recordings.readers.mat import MatTable
+from frictionjax.recordings.readers.arrays import ArrayTable
 from frictionjax.recordings.sampling import find_grid
 
-TABLE = MatTable(Path("run.mat"), ("t",), {}, {})
+TABLE = ArrayTable(Path("run.mat"), ("t",), {}, {}, "variable", {}, {})
 RNG = np.random.default_rng(7)
 
 
