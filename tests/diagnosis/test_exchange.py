@@ -10,6 +10,8 @@ from frictionjax.core import silent
 from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
+from frictionjax.diagnosis.selection import refit_candidates
 from frictionjax.diagnosis.selection.refit_candidates import Candidates
 from frictionjax.diagnosis.selection.round import dropping
 from frictionjax.diagnosis.selection.search import Search
@@ -79,6 +81,27 @@ def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_wo
         name = {"constant_load": "load", "gravity_pendulum": "pendulum"}[one.effect]
         alone = with_effect(model, name, scales).fitted.misfit
         assert one.model.fitted.misfit < alone + 1e-3 * abs(alone), one.effect
+
+
+def test_every_refit_comes_with_a_test_though_its_step_threw_the_motion_before(two, monkeypatch):
+    """Beside the base model the pendulum's test says nothing here; beside the load's other parameters it does."""
+    model, scales = two
+    calls = []
+
+    def throwing(*arguments, **options):
+        calls.append(try_catalogue(*arguments, **options))
+        dropped = {"gravity_pendulum"} if len(calls) == 1 else set()
+        return [[trial for trial in some if trial.effect not in dropped] for some in calls[-1]]
+
+    monkeypatch.setattr(refit_candidates, "try_catalogue", throwing)
+    others = frozenset(catalogue()) - FORCES
+    with ThreadPoolExecutor(2) as executor:
+        candidates = Candidates(
+            executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), Effort()
+        )
+        _, trials, refits = candidates.beside(model, 0)
+    assert len(calls) == 2
+    assert {one.effect for one in refits} == FORCES == {trial.effect for trial in trials}
 
 
 def test_the_true_effect_stays_beside_a_twin_that_does_worse(two):

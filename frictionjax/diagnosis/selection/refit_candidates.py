@@ -76,18 +76,22 @@ class Candidates:
         )
         model = better_base(model, refits, effort=self.effort)
         refits = self._best_first(model, refits)
-        refits = self._best_first(model, [*refits, *self._in_place_of_the_best(model, refits)])
-        return model, [trial for some in tried for trial in some], self._polished(model, refits)
+        instead, twins = self._in_place_of_the_best(model, refits)
+        refits = self._best_first(model, [*refits, *twins])
+        trials = with_tests([trial for some in tried for trial in some], instead)
+        return model, trials, self._polished(model, refits)
 
-    def _in_place_of_the_best(self, model: Model, refits: list[Refitted]) -> list[Refitted]:
-        """Refits of what the best of the `refits` is commonly taken for, as far as it is not among them: each in its
-        place, from where it left the other parameters. A short list by first steps may lack the true one of two effects
-        that look alike."""
+    def _in_place_of_the_best(
+        self, model: Model, refits: list[Refitted]
+    ) -> tuple[list[Trial], list[Refitted]]:
+        """Tests and refits of what the best of the `refits` is commonly taken for, as far as it is not among them: each
+        in its place, from where it left the other parameters. A short list by first steps may lack the true one of two
+        effects that look alike."""
         if not refits or self._worth(model, refits[0]) < self.effort.refitting.worthless:
-            return []
+            return [], []
         best, inside = refits[0], {type(effect).name for effect in model.posterior.drive.effects}
         names = confused_with(best.effect) - inside - self.barred - {one.effect for one in refits}
-        return self.related(_without(best, model), names)[1] if names else []
+        return self.related(_without(best, model), names) if names else ([], [])
 
     def _asked_for(self, trials: list[Trial]) -> list[tuple[Trial, Balanced]]:
         """Those of the `trials` that the force balance asks for, each with what it says."""
@@ -139,6 +143,13 @@ class Candidates:
             else:
                 chosen += short_list(open_to, most=most, far=far, effort=self.effort)
         return chosen
+
+
+def with_tests(trials: list[Trial], others: list[Trial]) -> list[Trial]:
+    """The `trials`, and of the `others` those of effects that are not among them: where a test throws the motion of one
+    model it says nothing, and beside another model it may."""
+    tested = {trial.effect for trial in trials}
+    return trials + [trial for trial in others if trial.effect not in tested]
 
 
 def _without(refit: Refitted, model: Model) -> Model:

@@ -18,6 +18,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.selection.acceptance import ranked
 from frictionjax.diagnosis.selection.candidate_table import Ground, ground_of, table_of_candidates
+from frictionjax.diagnosis.selection.refit_candidates import with_tests
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.selection.stored_tables import (
@@ -170,8 +171,9 @@ class RefittedTables:
         refitted = Refitted(self.accepted(own).trial, rest)
         passed = [t for t in self._made[own.table.key].trials if t.effect == refitted.effect]
         trials = self._made[chain[0].table.key].trials + passed
-        rivals = self._refits.related(model, frozenset(own.rivals))[1] if own.rivals else []
+        tests, rivals = self._refits.related(model, frozenset(own.rivals)) if own.rivals else ([], [])
         asked = asked_of_rebuilt(chain, place, number, swap)
+        trials = with_tests(trials, tests)
         return self.compared(asked, model, trials, [refitted, *rivals], before=self._floor_of(before))
 
     def compared(
