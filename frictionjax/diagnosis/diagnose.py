@@ -114,7 +114,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    starting = starting_point(case)
+    starting = starting_point(case, rule=rule)
     clock.stage("start")
     scene = starting.scene
     base = base_of(
@@ -268,7 +268,7 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
 
 def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
     """The base model fitted to a corrected case."""
-    return base_of(starting_point(case), executor, silent, rule=rule)
+    return base_of(starting_point(case, rule=rule), executor, silent, rule=rule)
 
 
 def _is_credible(model: Model, rule: Rule) -> bool:

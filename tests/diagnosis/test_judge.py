@@ -41,7 +41,7 @@ def quiet():
 
 def test_the_held_out_error_is_that_of_the_recordings_held_out_in_units_of_their_noise(quiet):
     """What is wrong in a fitted recording, or before the scoring begins, is not in it; an overflow is infinite."""
-    scene = Scene(quiet, np.array([True, False]), 50.0, ("kept", "fit"))
+    scene = Scene(quiet, np.array([True, False]), np.full(2, 50.0), ("kept", "fit"))
     x, valid, noise = (np.asarray(part) for part in (quiet.x, quiet.valid, quiet.noise))
     ahead = x + 2.0 * noise[:, None] * np.where(valid > 0, 1.0, 1e6)
     ahead[1] += 1.0
@@ -234,7 +234,7 @@ def test_a_model_that_runs_away_is_judged_and_not_nan(small):
 def test_views_and_errors_are_those_of_the_recordings(judged, small):
     recordings, posterior = small
     held_out = np.asarray(posterior.fitted[0]) == 0.0
-    scene = Scene(posterior.batch, held_out, 50.0, tuple(r.name for r in recordings))
+    scene = Scene(posterior.batch, held_out, np.full(held_out.size, 50.0), tuple(r.name for r in recordings))
     true, wrong = (view(judgement, scene) for judgement in judged)
     fits = recording_fits(recordings, scene, wrong, true, PLANT)
     assert [fit.name for fit in fits] == [r.name for r in recordings]

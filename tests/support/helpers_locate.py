@@ -32,7 +32,7 @@ class World:
         )
         batch = make_batch(recordings, encoder_step=FINE)
         pad = ((0, 0), (0, np.asarray(batch.x).shape[1] - x.shape[1]))
-        self.scene = Scene(batch, np.array([False, True]), 50.0, names)
+        self.scene = Scene(batch, np.array([False, True]), np.full(2, 50.0), names)
         self.motion = Motion(*(np.pad(values, pad, mode="edge") for values in (x, v, bend, u)))
         self.axes = axes_of(self.motion, PLANT, UNITS, self.scene)
         self.t = np.arange(self.motion.x.shape[1]) / RATE

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.evidence.judgement import judge
@@ -48,6 +48,7 @@ def base_of(
         executor,
         progress,
         fixed=starting.own.fixed,
+        pace=starting.pace,
         rule=rule,
     )
 
@@ -60,6 +61,7 @@ def fit_base(
     progress: Progress,
     *,
     fixed: frozenset[str] = frozenset(),
+    pace: Float[np.ndarray, " r"] | None = None,
     rule: Rule = Rule(),
 ) -> Model:
     """Fit inertia, LuGre parameters and effects of the `starts` to the recordings of `batch` that are not `held_out`,
@@ -68,14 +70,16 @@ def fit_base(
     Where physics is missing the loss has several minima, and the misfits of the starting values do not show which of
     them leads to the lowest: each of the `starts` is fitted with the fast observer, and the two with the lowest misfit
     with the slow one. The better of these is fitted again with as many integration steps a sample as it needs
-    (`steps_needed`), which the model keeps.
+    (`steps_needed`), which the model keeps. The observers are as fast as the `pace` of each recording says (`pace_of`).
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
     progress(f"base fit: {len(starts)} starting values", 0.0)
     # Each has a range of its own: starts may lie orders of magnitude apart.
     scales = plant_scales(starts[0], batch)
-    posed = [robust_posterior(start, batch, held_out, scales=scales, fixed=fixed) for start in starts]
+    posed = [
+        robust_posterior(start, batch, held_out, scales=scales, fixed=fixed, pace=pace) for start in starts
+    ]
     fast = list(executor.map(lambda pair: descend(*pair, steps=15, tolerance=0.02), posed))
     order = sorted(range(len(starts)), key=lambda number: fast[number].misfit)
     progress("base fit: slow observer", 0.6)

@@ -17,13 +17,13 @@ from frictionjax.physics import Drive
 class Scene(eqx.Module):
     """All recordings of a case, as the mismatch map and the plots use them.
 
-    **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the
-    observer (Hz), `names` of the recordings.
+    **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the observer
+    of each (Hz, shape `(r,)`; 0 where the motion is imposed and there is none), `names` of the recordings.
     """
 
     batch: AbstractBatch
     held_out: Bool[np.ndarray, " r"]
-    bandwidth: float = eqx.field(static=True)
+    bandwidth: Float[np.ndarray, " r"]
     names: tuple[str, ...] = eqx.field(static=True)
 
 

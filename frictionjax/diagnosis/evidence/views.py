@@ -143,7 +143,7 @@ def _view_of_rows(
 ) -> dict[str, Float[np.ndarray, "k n"]]:
     """The fields of a `View` for the recordings `rows`, all sampled at `dt` s, up to `length` samples."""
     batch = rows_of(scene.batch, rows)
-    gains = observer_gains(np.minimum(scene.bandwidth, 0.1 / batch.dt), batch.dt)
+    gains = observer_gains(scene.bandwidth[rows], batch.dt)
     fields: dict[str, list] = {name: [] for name in ("free", "ahead", "force", "v", "bend", "innovation")}
     pieces = pieces_of(batch.lengths)
     for piece in pieces:

@@ -74,11 +74,12 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
     velocity of the `drive` and of the highest speed `top`, but above the noise of the observer's velocity."""
     modelled = min(0.3 * float(drive.friction.vs), 0.02 * top)
     speeds = []
-    for dt, noise in zip(np.asarray(scene.batch.dt), np.asarray(scene.batch.noise), strict=True):
-        if scene.bandwidth == 0.0:  # no observer: the motion is imposed, and `noise` is that of the force
+    columns = (scene.bandwidth, np.asarray(scene.batch.dt), np.asarray(scene.batch.noise))
+    for bandwidth, dt, noise in zip(*columns, strict=True):
+        if bandwidth == 0.0:  # no observer: the motion is imposed, and `noise` is that of the force
             speeds.append(modelled)
             continue
-        gains = observer_gains(min(scene.bandwidth, 0.1 / float(dt)), float(dt))
+        gains = observer_gains(float(bandwidth), float(dt))
         pole = float(np.sqrt(1.0 - gains.position))
         # From the noise of the position to the velocity of a free mass: l2 q (1 - q) / (1 - p q)^2.
         impulse = np.zeros(round(20.0 / (1.0 - pole)))

@@ -47,12 +47,12 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
     """
     null, bands = np.zeros(len(_EDGES) - 1), []
     for row, length in enumerate(scene.batch.lengths):
-        dt = float(scene.batch.dt[row])
+        dt, bandwidth = float(scene.batch.dt[row]), float(scene.bandwidth[row])
         frequency = np.fft.rfftfreq(length, dt)[1:]
         q = np.exp(-2j * np.pi * frequency * dt)
-        force = np.abs(1.0 - np.exp(-2.0 * np.pi * min(scene.bandwidth, 0.1 / dt) * dt) * q) ** -4.0
+        force = np.abs(1.0 - np.exp(-2.0 * np.pi * bandwidth * dt) * q) ** -4.0
         sensor = np.abs(1.0 - q) ** 4 * force
-        if scene.bandwidth == 0.0:  # no observer: all noise of an imposed motion's force is white
+        if bandwidth == 0.0:  # no observer: all noise of an imposed motion's force is white
             force = sensor = np.ones(frequency.size)
         part = float(np.mean(1.0 / floor[row, :length]))
         mixed = part * sensor / sensor.mean() + (1.0 - part) * force / force.mean()

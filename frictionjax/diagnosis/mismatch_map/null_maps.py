@@ -82,7 +82,7 @@ def draw_innovations(
     drawn = np.zeros((count, *scored.shape), np.float32)
     for row, length in enumerate(scene.batch.lengths):
         dt = float(scene.batch.dt[row])
-        noise_filter = _noise_filter(min(scene.bandwidth, 0.1 / dt), dt)
+        noise_filter = _noise_filter(float(scene.bandwidth[row]), dt)
         noise = rng.standard_normal((count, length), np.float32)
         levels = np.array([white_level(lane) for lane in noise], np.float32)
         zeros = noise_filter.zeros / np.float32(noise_filter.sensor_gain)

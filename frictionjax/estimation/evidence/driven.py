@@ -23,15 +23,18 @@ may change an innovation, if its derivative is to mean anything."""
 class Observed(AbstractRecordings):
     """Recordings of position side by side, and the gains of the observer that predicts them.
 
-    **Attributes:** `batch`, `gains` (shape `(r,)`).
+    **Attributes:** `batch`, `gains` (shape `(r,)`), `pace` (bandwidth of each recording's observer over the one that is
+    asked for, shape `(r,)`).
     """
 
     batch: Batch
     gains: Gains
+    pace: Float[Numbers, " r"]
 
     def piece(self, piece: Piece) -> "Observed":
         """The recordings of a `piece`, of its shape."""
-        return Observed(self.batch.piece(piece), lanes_of(self.gains, piece))
+        gains, pace = lanes_of((self.gains, self.pace), piece)
+        return Observed(self.batch.piece(piece), gains, pace)
 
     def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
@@ -70,11 +73,12 @@ class Observed(AbstractRecordings):
 
     def with_substeps(self, substeps: int) -> "Observed":
         """The same recordings with so many integration `substeps` a sample."""
-        return Observed(self.batch.with_substeps(substeps), self.gains)
+        return dataclasses.replace(self, batch=self.batch.with_substeps(substeps))
 
     def at_bandwidth(self, bandwidth: float) -> "Observed":
-        """The same recordings through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
-        return observed(self.batch, bandwidth)
+        """The same recordings through an observer of `bandwidth` Hz times their pace, or as fast as their sample rate
+        allows."""
+        return observed(self.batch, bandwidth, pace=self.pace)
 
     @property
     def largest_derivative(self) -> Float[np.ndarray, " rows"]:
@@ -103,7 +107,8 @@ class Observed(AbstractRecordings):
 
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Observed":
         """The same positions with `more` input, held over each sample."""
-        return Observed(dataclasses.replace(self.batch, u=np.asarray(self.batch.u) + more), self.gains)
+        pushed = dataclasses.replace(self.batch, u=np.asarray(self.batch.u) + more)
+        return dataclasses.replace(self, batch=pushed)
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
@@ -117,7 +122,18 @@ class Observed(AbstractRecordings):
         )
 
 
-def observed(batch: Batch, bandwidth: float) -> Observed:
-    """The recordings of `batch` through an observer of `bandwidth` Hz, or as fast as their sample rate allows."""
+def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | None = None) -> Observed:
+    """The recordings of `batch` through an observer of `bandwidth` Hz times the `pace` of each (1 where it is None), or
+    as fast as their sample rate allows."""
     xp, (dt,) = known(batch.dt)
-    return Observed(batch, observer_gains(xp.minimum(bandwidth, 0.1 / dt), dt))
+    pace = xp.ones_like(dt) if pace is None else pace
+    return Observed(batch, observer_gains(bandwidth_of(bandwidth, pace, dt), dt), pace)
+
+
+def bandwidth_of(
+    bandwidth: float, pace: Float[Numbers, " r"], dt: Float[Numbers, " r"]
+) -> Float[Numbers, " r"]:
+    """Bandwidth of each recording's observer, Hz: `bandwidth` times its `pace`, at most a tenth of the sample rate, for
+    samples of `dt` s."""
+    xp, (pace, dt) = known(pace, dt)
+    return xp.minimum(bandwidth * pace, 0.1 / dt)

@@ -16,12 +16,40 @@ from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
-"""Bandwidth of the observer, Hz: the fast one tolerates a model that is far off, the slow one shows weaker effects."""
+"""Bandwidth of the observer, Hz: the fast one tolerates a model that is far off, the slow one shows weaker effects.
+Recordings with a coarse sensor are observed at a slower pace (`pace_of`)."""
+
+_LEAST_BANDWIDTH = (
+    5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
+)
 
 
-def as_evidence(batch: AbstractBatch, bandwidth: float) -> AbstractRecordings:
-    """The recordings of `batch` as evidence: through an observer of `bandwidth` Hz where an input was applied."""
-    return Imposed(batch) if isinstance(batch, ImposedBatch) else observed(batch, bandwidth)  # type: ignore[arg-type]
+def pace_of(drive: Drive, batch: AbstractBatch, force: float) -> Float[np.ndarray, " r"]:
+    """Bandwidth of the observer of each recording of `batch` over the usual one, at most 1.
+
+    Of a free mass J whose position has the noise s and on which an unmeasured force of standard deviation f acts, new
+    in each sample, the Kalman filter has the bandwidth sqrt(f / (J s)) / (2 pi), whatever the sample rate (Kalata, The
+    tracking index, IEEE Trans. AES 20(2), 1984, for slow filters). A faster observer sees more noise and less of the
+    model's errors: of a force error d it shows d / (J (2 pi bandwidth)^2).
+
+    **Arguments:** `drive`, for inertia and Coulomb friction; `batch`; `force`, f over Coulomb friction: the largest
+    that is not taken for physics.
+    """
+    if batch.imposed:
+        return np.ones(batch.x.shape[0])
+    push = force * float(drive.friction.Fc)
+    optimum = np.sqrt(push / (float(drive.J) * np.asarray(batch.noise))) / (2.0 * np.pi)
+    return np.clip(optimum, _LEAST_BANDWIDTH, SLOW_BANDWIDTH) / SLOW_BANDWIDTH
+
+
+def as_evidence(
+    batch: AbstractBatch, bandwidth: float, *, pace: Float[np.ndarray, " r"] | None = None
+) -> AbstractRecordings:
+    """The recordings of `batch` as evidence: through an observer of `bandwidth` Hz times the `pace` of each where an
+    input was applied."""
+    if isinstance(batch, ImposedBatch):
+        return Imposed(batch)
+    return observed(batch, bandwidth, pace=pace)  # type: ignore[arg-type]
 
 
 def robust_posterior(
@@ -31,6 +59,7 @@ def robust_posterior(
     *,
     scales: dict[str, float] | None = None,
     fixed: frozenset[str] = frozenset(),
+    pace: Float[np.ndarray, " r"] | None = None,
 ) -> tuple[Posterior, Float[Numbers, " q"]]:
     """The posterior of the structure of `drive` on all recordings, by the fast observer, and the vector of `drive`.
 
@@ -41,6 +70,7 @@ def robust_posterior(
     - `scales`: the plant's own sizes by name, for the effects' scales.
     - `fixed`: paths of the parameters that stay as they are, such as `J` or `friction.Fc`; J stays in any case where
         all motion is imposed and it does not act.
+    - `pace`: of the observer of each recording, shape `(r,)` (`pace_of`); None: 1.
     """
     dt, imposed = float(np.max(batch.dt)), batch.imposed
     layout = base_layout(drive, dt / batch.substeps, known_inertia=imposed, imposed=imposed)
@@ -48,7 +78,7 @@ def robust_posterior(
     layout = tuple(free for free in layout if free.path not in fixed)
     recordings = batch.x.shape[0]
     start = np.concatenate([pack(layout, drive), np.zeros(recordings)])
-    evidence = as_evidence(batch, FAST_BANDWIDTH)
+    evidence = as_evidence(batch, FAST_BANDWIDTH, pace=pace)
     posterior = Posterior(
         constraints=Constraints(layout, (), ()),
         drive=drive,
