@@ -50,7 +50,7 @@ def fitted(seed: int, family: str) -> Ended:
     with ThreadPoolExecutor(2) as executor:
         found = base_of(starting, executor, silent)
         true = Drive(own["J"], friction, case.plant.motor_constant)
-        best = fit_base([true], starting.batch, starting.held_out, executor, silent, pace=starting.pace)
+        best = fit_base([true], starting.batch, starting.held_out, executor, silent)
     floor = np.ones((1, 1))
     starts, truth = (model.judgement.misfits(floor)[0] for model in (found, best))
     return Ended(starts, truth, credibility(found).is_credible())

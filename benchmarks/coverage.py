@@ -73,9 +73,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
     simulated = make_case(seed, missing=(), strength="strong")
     starting, truth = starting_point(case_of(simulated)), simulated.truth["base"]
-    model = _fitted(
-        *robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out, pace=starting.pace)
-    )
+    model = _fitted(*robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out))
     slow, found = model.posterior, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
     coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
@@ -97,7 +95,7 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     true, starting = convert(drawn[theirs]), starting_point(case_of(simulated))
     drive = _true_drive(starting, simulated.truth["base"])
     form = next(f for f in catalogue()[effect] if ours in [p.name for p in f.strengths + f.nuisances])
-    posterior, vector = robust_posterior(drive, starting.batch, starting.held_out, pace=starting.pace)
+    posterior, vector = robust_posterior(drive, starting.batch, starting.held_out)
     posterior, vector = extend(posterior, vector, form(), plant_scales(drive, starting.batch), drive)
     place = next(i for i, free in enumerate(posterior.layout) if free.label == ours)
     free = posterior.layout[place]

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed
 from frictionjax.diagnosis.evidence.judgement import Scene
-from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.findings.as_given import view_as_given
 from frictionjax.diagnosis.findings.candidates import candidates
@@ -114,9 +114,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
-    starting = starting_point(case, rule=rule)
+    starting = starting_point(case)
     clock.stage("start")
-    scene = starting.scene
     base = base_of(
         starting,
         executor,
@@ -124,7 +123,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         rule=rule,
     )
     notes = list(starting.notes)
-    scene = _with_steps_of(scene, base)
+    scene = scene_of(base, starting.names)
     credible, error = credibility(base, rule=rule), ""
     if not credible.is_credible(rule=rule):
         progress("checking sign and inertia", 0.2)
@@ -183,7 +182,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("predicting every recording", 0.86)
-    scene = _with_steps_of(scene, final)
+    scene = scene_of(final, starting.names)
 
     def parameters(model: Model) -> Future:
         # A missing effect biases the parameters of the base model by more than an unmeasured force does.
@@ -248,12 +247,6 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     )
 
 
-def _with_steps_of(scene: Scene, model: Model) -> Scene:
-    """The `scene` with as many integration steps a sample as the `model`."""
-    steps = model.posterior.batch.substeps
-    return eqx.tree_at(lambda s: s.batch, scene, scene.batch.with_substeps(steps))
-
-
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
     """What base and final model predict for all recordings. The base model gets what the final one has beyond it at
     zero strength, so that both share one compiled program."""
@@ -268,7 +261,7 @@ def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
 
 def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
     """The base model fitted to a corrected case."""
-    return base_of(starting_point(case, rule=rule), executor, silent, rule=rule)
+    return base_of(starting_point(case), executor, silent, rule=rule)
 
 
 def _is_credible(model: Model, rule: Rule) -> bool:

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
+from frictionjax.diagnosis.evidence.pace import pace_of
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
@@ -48,7 +49,6 @@ def base_of(
         executor,
         progress,
         fixed=starting.own.fixed,
-        pace=starting.pace,
         rule=rule,
     )
 
@@ -61,7 +61,6 @@ def fit_base(
     progress: Progress,
     *,
     fixed: frozenset[str] = frozenset(),
-    pace: Float[np.ndarray, " r"] | None = None,
     rule: Rule = Rule(),
 ) -> Model:
     """Fit inertia, LuGre parameters and effects of the `starts` to the recordings of `batch` that are not `held_out`,
@@ -70,13 +69,15 @@ def fit_base(
     Where physics is missing the loss has several minima, and the misfits of the starting values do not show which of
     them leads to the lowest: each of the `starts` is fitted with the fast observer, and the two with the lowest misfit
     with the slow one. The better of these is fitted again with as many integration steps a sample as it needs
-    (`steps_needed`), which the model keeps. The observers are as fast as the `pace` of each recording says (`pace_of`).
+    (`steps_needed`), which the model keeps. How slow the observers may be depends on friction (`pace_of`): on that of
+    the first start, and then once more on that of the fit.
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
     progress(f"base fit: {len(starts)} starting values", 0.0)
     # Each has a range of its own: starts may lie orders of magnitude apart.
     scales = plant_scales(starts[0], batch)
+    pace = pace_of(starts[0], batch, held_out, rule=rule)
     posed = [
         robust_posterior(start, batch, held_out, scales=scales, fixed=fixed, pace=pace) for start in starts
     ]
@@ -94,6 +95,11 @@ def fit_base(
             "the motor constant."
         )
     posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
+    own = pace_of(posterior.drive_of(fitted.vector), batch, held_out, rule=rule)
+    if np.any(own != pace):
+        progress("base fit: observer of its own pace", 0.75)
+        posterior = posterior.at_bandwidth(SLOW_BANDWIDTH, pace=own)
+        fitted = descend(posterior, fitted.vector, graduate=False)
     steps = steps_needed(posterior, fitted.vector, rule=rule)
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from frictionjax.diagnosis.evidence.judgement import Judgement
+from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
@@ -15,6 +15,12 @@ class Model(eqx.Module):
     posterior: Posterior
     fitted: Fitted
     judgement: Judgement
+
+
+def scene_of(model: Model, names: tuple[str, ...]) -> Scene:
+    """All recordings, of these `names`, as the `model` observes them: with its integration steps and its observer."""
+    posterior, held_out = model.posterior, model.judgement.held_out
+    return Scene(posterior.batch, held_out, posterior.recordings.bandwidth, names)
 
 
 def is_chaotic(model: Model) -> bool:

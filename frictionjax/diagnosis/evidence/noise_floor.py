@@ -11,12 +11,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.diagnosis.evidence.pace import with_evidence
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.objective.posterior import Posterior
 
 _DRAWS = 4
 _SMALL = 1e-4  # of Coulomb friction: small enough for a linear response, far above rounding
 _SMOOTH = 5  # blocks over which the response is averaged
+_CHANCE = 4.0  # standard errors that chance may add to a power
 _HALVINGS = 30
 _BEYOND = 1e100  # in noise levels: the largest difference of two runs that is squared
 
@@ -25,12 +27,14 @@ class Answer(eqx.Module):
     """How the innovations respond to measurement noise and to an unmeasured force.
 
     **Attributes:** `gain`: mean power of the standardised innovations in each block for a white force of the size of
-    Coulomb friction, shape `(r, b)`. Of `d` draws, the power in each block of noise alone, `noise`, and of that force
-    alone, `force`, and the mean of their product, `product`, shape `(d, r, b)`: a block has few independent samples,
-    so its power scatters.
+    Coulomb friction, shape `(r, b)`; `growth`: the same for the sensor's noise, at least 1: more where the motion is
+    unstable and noise grows in the observer, as in slow sliding. Of `d` draws, the power in each block of noise alone,
+    `noise`, and of that force alone, `force`, and the mean of their product, `product`, shape `(d, r, b)`: a block has
+    few independent samples, so its power scatters.
     """
 
     gain: Float[np.ndarray, "r b"]
+    growth: Float[np.ndarray, "r b"]
     noise: Float[np.ndarray, "d r b"]
     force: Float[np.ndarray, "d r b"]
     product: Float[np.ndarray, "d r b"]
@@ -52,19 +56,36 @@ def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule:
     if batch.imposed:
         whole = (float(drive.friction.Fc) / np.asarray(batch.noise))[:, None] ** 2 * scored
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
-        return Answer(whole, noise, noise * whole, 0.0 * noise)
+        return Answer(whole, np.ones_like(whole), noise, noise * whole, 0.0 * noise)
     plain = posterior.errors_at([vector])[0]
-    draws = []
+    draws, grown = [], []
     for _ in range(_DRAWS):
         change = np.nan_to_num(_force_response(posterior, vector, plain, _SMALL, rng) / _SMALL)
         noise = evidence.noise_alone(rng)
+        noisier = with_evidence(posterior, evidence.with_noise(rng.standard_normal(batch.x.shape)))
+        grown.append(batch.block_mean(np.nan_to_num(noisier.errors_at([vector])[0] - plain) ** 2))
         products = (noise**2, change**2, noise * change)
         draws.append([batch.block_mean(product) for product in products])
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
-    kernel = np.ones(_SMOOTH) / _SMOOTH
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
-    mean = capped(force.mean(axis=0), rule)
-    return Answer(np.stack([np.convolve(row, kernel, mode="same") for row in mean]), noise, force, product)
+    gain = _smooth(capped(force.mean(axis=0), rule))
+    growth = _beyond_chance(_smooth(np.mean(grown, axis=0)), np.asarray(batch.block_count))
+    return Answer(gain, growth, growth * noise, force, np.sqrt(growth) * product)
+
+
+def _smooth(power: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r b"]:
+    """The `power` of each block averaged over its neighbours."""
+    kernel = np.ones(_SMOOTH) / _SMOOTH
+    return np.stack([np.convolve(row, kernel, mode="same") for row in power])
+
+
+def _beyond_chance(
+    growth: Float[np.ndarray, "r b"], count: Float[np.ndarray, "r b"]
+) -> Float[np.ndarray, "r b"]:
+    """The `growth` of the noise in each block of `count` samples, 1 where chance may have made it: a power of n samples
+    has the standard error sqrt(2/n)."""
+    samples = np.maximum(_DRAWS * _SMOOTH * count, 1.0)
+    return np.where(growth > 1.0 + _CHANCE * np.sqrt(2.0 / samples), growth, 1.0)
 
 
 def capped(mean: Float[np.ndarray, "r b"], rule: Rule) -> Float[np.ndarray, "r b"]:
@@ -98,8 +119,7 @@ def scatter(
     # The difference of two runs, or its square, may overflow.
     bounded = [np.clip(np.nan_to_num(change, nan=np.inf), -_BEYOND, _BEYOND) for change in changes]
     powers = [posterior.batch.block_mean(change**2) for change in bounded]
-    kernel = np.ones(_SMOOTH) / _SMOOTH
-    return np.stack([np.convolve(row, kernel, mode="same") for row in np.mean(powers, axis=0)])
+    return _smooth(np.mean(powers, axis=0))
 
 
 def predictable(
@@ -134,8 +154,7 @@ def _force_response(
     drive = posterior.drive_of(vector)
     force = size * float(drive.friction.Fc) / float(drive.motor_constant)
     disturbed = posterior.recordings.with_input(force * rng.standard_normal(posterior.batch.x.shape))
-    other = eqx.tree_at(lambda p: p.evidence, posterior, (disturbed,))
-    return other.errors_at([vector])[0] - plain
+    return with_evidence(posterior, disturbed).errors_at([vector])[0] - plain
 
 
 def quietness(
@@ -176,7 +195,7 @@ def force_noise(
         return 0.0
 
     def estimate(power: Float[np.ndarray, "*d r b"]) -> float:
-        each = (power - quiet) / np.where(informative, gain, 1.0)
+        each = (power - quiet * answer.growth) / np.where(informative, gain, 1.0)
         return float(np.quantile(each[..., informative], rule.floor.quantile))
 
     observed, low, high = estimate(power), 0.0, rule.floor.largest_force
@@ -193,7 +212,7 @@ def floor_of(
 ) -> Float[np.ndarray, "r b"]:
     """Power of each block, shape `(r, b)`, that noise of the power `quiet` and an unmeasured force of the `size` (over
     Fc) leave, by the responses of `answer`."""
-    return quiet + size**2 * answer.gain
+    return quiet * answer.growth + size**2 * answer.gain
 
 
 def colour(

@@ -8,18 +8,14 @@ import dataclasses
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.intake.checks import check_usable
 from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
-from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
-from frictionjax.estimation.evidence import bandwidth_of
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, pace_of
 from frictionjax.estimation.start.driven import Start
 from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.recordings import Case, Recording
@@ -29,15 +25,14 @@ _NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified.
 
 class StartingPoint(eqx.Module):
     """The `recordings` of a case, the fitted ones first; the same in arrays, `batch`; which are `held_out` (bool, shape
-    `(r,)`); the starting values, `start`; what the user knows of the base model, `own`; the `pace` of each recording's
-    observer, shape `(r,)` (`pace_of`); and `notes`, sentences for the warnings."""
+    `(r,)`); the starting values, `start`; what the user knows of the base model, `own`; and `notes`, sentences for the
+    warnings."""
 
     recordings: tuple[Recording, ...]
     batch: AbstractBatch
     held_out: Bool[np.ndarray, " r"]
     start: Start
     own: OwnModel
-    pace: Float[np.ndarray, " r"]
     notes: tuple[str, ...] = eqx.field(static=True)
 
     @property
@@ -46,30 +41,25 @@ class StartingPoint(eqx.Module):
         return self.batch.imposed
 
     @property
-    def scene(self) -> Scene:
-        """All recordings, as the mismatch map and the plots use them; no observer where the motion is imposed."""
-        names = tuple(r.name for r in self.recordings)
-        if self.imposed:
-            return Scene(self.batch, self.held_out, np.zeros(len(names)), names)
-        bandwidth = bandwidth_of(SLOW_BANDWIDTH, self.pace, np.asarray(self.batch.dt))
-        return Scene(self.batch, self.held_out, np.asarray(bandwidth), names)
+    def names(self) -> tuple[str, ...]:
+        """Names of the recordings."""
+        return tuple(recording.name for recording in self.recordings)
 
 
-def starting_point(case: Case, *, rule: Rule = Rule()) -> StartingPoint:
-    """Estimate starting values from the fitted recordings of a `case` that passes `check`; by the `rule` an unmeasured
-    force is no larger than it says, and the observers are as fast as that asks for."""
+def starting_point(case: Case) -> StartingPoint:
+    """Estimate starting values from the fitted recordings of a `case` that passes `check`."""
     plant, recordings = case.plant, case.fit_recordings + case.holdout_recordings
     start, own = starts_of(case)
     held_out = np.array([recording.role == "holdout" for recording in recordings])
     if recordings[0].drive == "motion":
         batch = make_imposed_batch(recordings)
-        notes = (*start.notes, _NO_INERTIA, *_said(own))
-        return StartingPoint(recordings, batch, held_out, start, own, np.ones(len(recordings)), notes)
+        return StartingPoint(
+            recordings, batch, held_out, start, own, (*start.notes, _NO_INERTIA, *_said(own))
+        )
     batch = make_batch(recordings, encoder_step=plant.encoder_step)
     no_constant = "The motor constant is unknown: every force is per input unit."
     notes = () if plant.motor_constant is not None else (no_constant,)
-    pace = pace_of(start.drives[0], batch, rule.floor.largest_force)
-    return StartingPoint(recordings, batch, held_out, start, own, pace, (*start.notes, *notes, *_said(own)))
+    return StartingPoint(recordings, batch, held_out, start, own, (*start.notes, *notes, *_said(own)))
 
 
 def starts_of(case: Case) -> tuple[Start, OwnModel]:

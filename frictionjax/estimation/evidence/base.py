@@ -116,13 +116,21 @@ class AbstractRecordings(AbstractEvidence):
     def side_by_side(self, drives: Drive, z0: Float[Numbers, "k rows"]) -> Float[Numbers, "k rows n"]:
         """The `standardised` errors of `k` `drives`, leaves of shape `(k, ...)`, that start at `z0`."""
 
+    @property
+    @abstractmethod
+    def bandwidth(self) -> Float[np.ndarray, " rows"]:
+        """Bandwidth of the observer of each recording, Hz; 0 where there is none."""
+
     @abstractmethod
     def with_substeps(self, substeps: int) -> "AbstractRecordings":
         """The same recordings with so many integration `substeps` a sample. An imposed motion keeps its own."""
 
     @abstractmethod
-    def at_bandwidth(self, bandwidth: float) -> "AbstractRecordings":
-        """The same recordings through an observer of `bandwidth` Hz, where there is one."""
+    def at_bandwidth(
+        self, bandwidth: float, *, pace: Float[Numbers, " rows"] | None = None
+    ) -> "AbstractRecordings":
+        """The same recordings through an observer of `bandwidth` Hz times the `pace` of each (None: as it is), where
+        there is one."""
 
     @property
     @abstractmethod
@@ -132,6 +140,10 @@ class AbstractRecordings(AbstractEvidence):
     @abstractmethod
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "AbstractRecordings":
         """The same measurements with `more` input, held over each sample."""
+
+    @abstractmethod
+    def with_noise(self, white: Float[np.ndarray, "rows n"]) -> "AbstractRecordings":
+        """The same recordings with more noise of the measured output: `white` times its standard deviation."""
 
     @abstractmethod
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:

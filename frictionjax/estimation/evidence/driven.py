@@ -75,10 +75,15 @@ class Observed(AbstractRecordings):
         """The same recordings with so many integration `substeps` a sample."""
         return dataclasses.replace(self, batch=self.batch.with_substeps(substeps))
 
-    def at_bandwidth(self, bandwidth: float) -> "Observed":
-        """The same recordings through an observer of `bandwidth` Hz times their pace, or as fast as their sample rate
-        allows."""
-        return observed(self.batch, bandwidth, pace=self.pace)
+    def at_bandwidth(self, bandwidth: float, *, pace: Float[Numbers, " rows"] | None = None) -> "Observed":
+        """The same recordings through an observer of `bandwidth` Hz times their `pace` (None: as it is), or as fast as
+        their sample rate allows."""
+        return observed(self.batch, bandwidth, pace=self.pace if pace is None else pace)
+
+    @property
+    def bandwidth(self) -> Float[np.ndarray, " rows"]:
+        """Bandwidth of the observer of each recording, Hz."""
+        return -0.5 * np.log1p(-np.asarray(self.gains.position)) / (2.0 * np.pi * np.asarray(self.batch.dt))
 
     @property
     def largest_derivative(self) -> Float[np.ndarray, " rows"]:
@@ -110,6 +115,11 @@ class Observed(AbstractRecordings):
         pushed = dataclasses.replace(self.batch, u=np.asarray(self.batch.u) + more)
         return dataclasses.replace(self, batch=pushed)
 
+    def with_noise(self, white: Float[np.ndarray, "rows n"]) -> "Observed":
+        """The same inputs with more noise of the position: `white` times its standard deviation."""
+        x = np.asarray(self.batch.x) + np.asarray(self.batch.noise)[:, None] * white
+        return dataclasses.replace(self, batch=dataclasses.replace(self.batch, x=x))
+
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
         pole = np.sqrt(1.0 - np.asarray(self.gains.position))
@@ -127,13 +137,4 @@ def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | Non
     as fast as their sample rate allows."""
     xp, (dt,) = known(batch.dt)
     pace = xp.ones_like(dt) if pace is None else pace
-    return Observed(batch, observer_gains(bandwidth_of(bandwidth, pace, dt), dt), pace)
-
-
-def bandwidth_of(
-    bandwidth: float, pace: Float[Numbers, " r"], dt: Float[Numbers, " r"]
-) -> Float[Numbers, " r"]:
-    """Bandwidth of each recording's observer, Hz: `bandwidth` times its `pace`, at most a tenth of the sample rate, for
-    samples of `dt` s."""
-    xp, (pace, dt) = known(pace, dt)
-    return xp.minimum(bandwidth * pace, 0.1 / dt)
+    return Observed(batch, observer_gains(xp.minimum(bandwidth * pace, 0.1 / dt), dt), pace)

@@ -1,5 +1,7 @@
 """Friction forces under an imposed motion, with a known noise level: evidence of a diagnosis."""
 
+import dataclasses
+
 import jax
 import numpy as np
 from jaxtyping import Float
@@ -37,9 +39,14 @@ class Imposed(AbstractRecordings):
         """The same: runs along an imposed motion choose their own `substeps`."""
         return self
 
-    def at_bandwidth(self, bandwidth: float) -> "Imposed":
-        """The same, whatever the `bandwidth`: there is no observer."""
+    def at_bandwidth(self, bandwidth: float, *, pace: Float[Numbers, " rows"] | None = None) -> "Imposed":
+        """The same, whatever the `bandwidth` and the `pace`: there is no observer."""
         return self
+
+    @property
+    def bandwidth(self) -> Float[np.ndarray, " rows"]:
+        """Zeros: there is no observer."""
+        return np.zeros(self.batch.dt.shape)
 
     @property
     def largest_derivative(self) -> Float[np.ndarray, " rows"]:
@@ -49,6 +56,12 @@ class Imposed(AbstractRecordings):
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Imposed":
         """The same: no input acts on an imposed motion, so that `more` of it changes nothing."""
         return self
+
+    def with_noise(self, white: Float[np.ndarray, "rows n"]) -> "Imposed":
+        """The same motion with more noise of the force: `white` times its standard deviation."""
+        batch = self.batch
+        noise = np.asarray(batch.ease * batch.noise)[:, None]
+        return Imposed(dataclasses.replace(batch, force=np.asarray(batch.force) + noise * white))
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """White noise from `rng`: nothing filters it."""

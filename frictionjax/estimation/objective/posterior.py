@@ -285,9 +285,9 @@ class Posterior(AbstractObjective):
         batch = self.batch
         return np.repeat(np.asarray(self.weights[0]).reshape(batch.x.shape[0], -1), batch.block, axis=1)
 
-    def at_bandwidth(self, bandwidth: float) -> "Posterior":
-        """The same, through an observer of `bandwidth` Hz."""
-        own = self.recordings.at_bandwidth(bandwidth)
+    def at_bandwidth(self, bandwidth: float, *, pace: Float[Numbers, " r"] | None = None) -> "Posterior":
+        """The same, through an observer of `bandwidth` Hz times the `pace` of each recording; None: as it is."""
+        own = self.recordings.at_bandwidth(bandwidth, pace=pace)
         return eqx.tree_at(lambda p: (p.evidence, p.ceilings), self, ((own,), (own.largest_derivative,)))
 
     def of_fitted(self, vector: Float[Numbers, " q"]) -> tuple["Posterior", Float[Numbers, " q"]]:

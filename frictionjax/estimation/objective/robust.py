@@ -17,29 +17,7 @@ from frictionjax.physics.effects import AbstractEffect
 
 FAST_BANDWIDTH, SLOW_BANDWIDTH = 100.0, 50.0
 """Bandwidth of the observer, Hz: the fast one tolerates a model that is far off, the slow one shows weaker effects.
-Recordings with a coarse sensor are observed at a slower pace (`pace_of`)."""
-
-_LEAST_BANDWIDTH = (
-    5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
-)
-
-
-def pace_of(drive: Drive, batch: AbstractBatch, force: float) -> Float[np.ndarray, " r"]:
-    """Bandwidth of the observer of each recording of `batch` over the usual one, at most 1.
-
-    Of a free mass J whose position has the noise s and on which an unmeasured force of standard deviation f acts, new
-    in each sample, the Kalman filter has the bandwidth sqrt(f / (J s)) / (2 pi), whatever the sample rate (Kalata, The
-    tracking index, IEEE Trans. AES 20(2), 1984, for slow filters). A faster observer sees more noise and less of the
-    model's errors: of a force error d it shows d / (J (2 pi bandwidth)^2).
-
-    **Arguments:** `drive`, for inertia and Coulomb friction; `batch`; `force`, f over Coulomb friction: the largest
-    that is not taken for physics.
-    """
-    if batch.imposed:
-        return np.ones(batch.x.shape[0])
-    push = force * float(drive.friction.Fc)
-    optimum = np.sqrt(push / (float(drive.J) * np.asarray(batch.noise))) / (2.0 * np.pi)
-    return np.clip(optimum, _LEAST_BANDWIDTH, SLOW_BANDWIDTH) / SLOW_BANDWIDTH
+Each recording may have a slower pace."""
 
 
 def as_evidence(
@@ -70,7 +48,7 @@ def robust_posterior(
     - `scales`: the plant's own sizes by name, for the effects' scales.
     - `fixed`: paths of the parameters that stay as they are, such as `J` or `friction.Fc`; J stays in any case where
         all motion is imposed and it does not act.
-    - `pace`: of the observer of each recording, shape `(r,)` (`pace_of`); None: 1.
+    - `pace`: of the observer of each recording, shape `(r,)`; None: 1.
     """
     dt, imposed = float(np.max(batch.dt)), batch.imposed
     layout = base_layout(drive, dt / batch.substeps, known_inertia=imposed, imposed=imposed)

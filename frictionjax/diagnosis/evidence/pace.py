@@ -1,0 +1,92 @@
+"""The observer's pace: how much slower than usual each recording is observed, so that a coarse sensor shows the model.
+
+A fast observer sees the sensor's noise and little of the model's errors: of a force error d it shows
+d / (J (2 pi bandwidth)^2). A slow one lets an unmeasured force accumulate, and, where friction falls with velocity and
+the motion is unstable, the sensor's noise as well. Between the two is the bandwidth at which the innovations of a true
+model are smallest: that of the Kalman filter, found by simulation, because the machine is no free mass.
+"""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.data.batch import AbstractBatch, Batch
+from frictionjax.estimation.evidence import AbstractRecordings, Observed
+from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+from frictionjax.physics import Drive
+from frictionjax.simulation import innovation_gain
+
+_LEAST_BANDWIDTH = (
+    5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
+)
+_STEP = 2.0  # between bandwidths that are tried
+_DRAWS = 2
+_SMALLEST = 1e-300  # of a power: its logarithm is a number
+
+
+def pace_of(
+    drive: Drive, batch: AbstractBatch, held_out: Bool[np.ndarray, " r"], *, rule: Rule = Rule()
+) -> Float[np.ndarray, " r"]:
+    """Bandwidth of the observer of each recording of `batch` over the usual one, at most 1.
+
+    Of several bandwidths that one at which the innovations of `drive` answer least, in the mean of the logarithms over
+    blocks, to noise of the sensor and to the largest unmeasured force that the `rule` does not take for physics.
+
+    **Arguments:**
+
+    - `drive`: starting values.
+    - `batch`: the recordings; `held_out` (bool, shape `(r,)`).
+    - `rule`: `floor.largest_force`.
+    """
+    ones = np.ones(batch.x.shape[0])
+    if not isinstance(batch, Batch):
+        return ones
+    slowest = np.clip(free_mass_bandwidth(drive, batch, rule), _LEAST_BANDWIDTH, SLOW_BANDWIDTH)
+    tried = [slowest / SLOW_BANDWIDTH]
+    while np.any(tried[-1] < 1.0):
+        tried.append(np.minimum(_STEP * tried[-1], 1.0))
+    if len(tried) == 1:
+        return ones
+    answers = [_answer(drive, batch, held_out, pace, rule) for pace in tried]
+    return np.array(tried)[np.argmin(answers, axis=0), np.arange(ones.size)]
+
+
+def free_mass_bandwidth(drive: Drive, batch: Batch, rule: Rule) -> Float[np.ndarray, " r"]:
+    """Bandwidth, Hz, of the Kalman filter of each recording of `batch` for a free mass.
+
+    Of a mass J whose position has the noise s and on which an unmeasured force of standard deviation f acts, new in
+    each sample: sqrt(f / (J s)) / (2 pi), whatever the sample rate (Kalata, The tracking index, IEEE Trans. AES 20(2),
+    1984, for slow filters). The inertia is that of `drive`, and f the largest force that the `rule` admits.
+    """
+    force = rule.floor.largest_force * float(drive.friction.Fc)
+    return np.sqrt(force / (float(drive.J) * np.asarray(batch.noise))) / (2.0 * np.pi)
+
+
+def _answer(
+    drive: Drive, batch: Batch, held_out: Bool[np.ndarray, " r"], pace: Float[np.ndarray, " r"], rule: Rule
+) -> Float[np.ndarray, " r"]:
+    """Mean logarithm over the blocks of each recording of the squared innovations, position units squared, with which
+    `drive` at this `pace` answers to noise and to an unmeasured force."""
+    posterior, vector = robust_posterior(drive, batch, held_out, pace=pace)
+    slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
+    plain, rng = slow.errors_at([vector])[0], np.random.default_rng(20020304)
+    force = rule.floor.largest_force * float(drive.friction.Fc) / float(drive.motor_constant)
+    powers = []
+    for _ in range(_DRAWS):
+        pushed = slow.recordings.with_input(force * rng.standard_normal(batch.x.shape))
+        other = with_evidence(slow, pushed.with_noise(rng.standard_normal(batch.x.shape)))
+        powers.append(batch.block_mean((other.errors_at([vector])[0] - plain) ** 2))
+    recordings = slow.recordings
+    assert isinstance(recordings, Observed)
+    unit = np.asarray(batch.noise * innovation_gain(recordings.gains))[:, None]
+    power = np.mean(powers, axis=0) * unit**2
+    scored = np.asarray(batch.block_count) > 0
+    logs = np.where(scored, np.log(np.maximum(np.nan_to_num(power, nan=np.inf), _SMALLEST)), 0.0)
+    return np.sum(logs, axis=1) / np.maximum(np.sum(scored, axis=1), 1)
+
+
+def with_evidence(posterior: Posterior, evidence: AbstractRecordings) -> Posterior:
+    """The `posterior` of other `evidence` of the same shape."""
+    return eqx.tree_at(lambda p: p.evidence, posterior, (evidence,))

@@ -1,0 +1,118 @@
+"""The observer's pace: a coarse sensor is observed as slowly as an unmeasured force and unstable friction allow."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, closed_loop, open_loop
+from scipy.linalg import solve_discrete_are
+
+from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
+from frictionjax.diagnosis.evidence.pace import free_mass_bandwidth, pace_of
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+
+FORCE = Rule().floor.largest_force
+FITTED = np.array([False])
+COARSE = 2e-5
+"""Noise, rad, under which a free mass asks for 11 Hz."""
+
+
+def _batch(noise=COARSE, rate=2000.0):
+    u = np.sin(2 * np.pi * 2.0 * np.arange(4000) / 2000.0)
+    recording = open_loop("moves", u, seed=1, noise=noise)
+    return make_batch((dataclasses.replace(recording, sample_rate=rate),), encoder_step=FINE)
+
+
+def _with_friction(**values):
+    return dataclasses.replace(PLANT, friction=dataclasses.replace(PLANT.friction, **values))
+
+
+def _kalman(batch):
+    """Natural frequency of the error of the Kalman filter of a free mass, over 2 pi, Hz."""
+    dt, noise = float(batch.dt[0]), float(batch.noise[0])
+    step, into = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[0.5 * dt**2], [dt]])
+    push = FORCE * float(PLANT.friction.Fc) / float(PLANT.J)
+    seen = np.array([[1.0, 0.0]])
+    left = solve_discrete_are(step.T, seen.T, push**2 * into @ into.T, np.array([[noise**2]]))
+    gain = left @ seen.T / (seen @ left @ seen.T + noise**2)
+    poles = np.linalg.eigvals(step @ (np.eye(2) - gain @ seen))
+    return float(np.sqrt(np.prod(np.abs(np.log(poles.astype(complex)) / dt)))) / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize(("noise", "rate"), [(COARSE, 2000.0), (COARSE, 1000.0), (6e-6, 2000.0)])
+def test_the_bandwidth_of_a_free_mass_is_that_of_its_kalman_filter(noise, rate):
+    batch = _batch(noise, rate)
+    assert free_mass_bandwidth(PLANT, batch, Rule())[0] == pytest.approx(_kalman(batch), rel=0.1)
+
+
+def test_a_machine_that_slides_is_observed_like_a_free_mass():
+    batch = _batch()
+    (pace,) = pace_of(PLANT, batch, FITTED)
+    assert pace * SLOW_BANDWIDTH == pytest.approx(free_mass_bandwidth(PLANT, batch, Rule())[0])
+
+
+def test_the_pace_is_never_faster_than_usual_nor_slower_than_a_block_remembers():
+    assert pace_of(PLANT, _batch(1e-9), FITTED)[0] == 1.0
+    assert pace_of(PLANT, _batch(1e-3), FITTED)[0] == pytest.approx(5.0 / SLOW_BANDWIDTH)
+
+
+def _unstable():
+    """A plant whose friction falls steeply with velocity, in a slow motion; and its recording."""
+    drive = _with_friction(Fs=1.5 * PLANT.friction.Fc, vs=0.05)
+    t = np.arange(4000) / 2000.0
+    recording = closed_loop("slow", 0.05 * np.sin(2.0 * np.pi * 0.5 * t), seed=2, drive=drive, noise=COARSE)
+    return drive, make_batch((recording,), encoder_step=FINE)
+
+
+def test_unstable_sliding_is_observed_faster_and_its_growth_is_in_the_floor():
+    """Noise that the motion amplifies is no error of the model: the true model is at the floor at either pace."""
+    drive, batch = _unstable()
+    slow = free_mass_bandwidth(drive, batch, Rule()) / SLOW_BANDWIDTH
+    own = pace_of(drive, batch, FITTED)
+    assert own[0] > 1.5 * slow[0]
+    for pace in (slow, own):
+        posterior, vector = robust_posterior(drive, batch, FITTED, pace=pace)
+        posterior = posterior.at_bandwidth(SLOW_BANDWIDTH)
+        answer = answer_to_force(posterior, vector)
+        power = batch.block_mean(posterior.errors_at([vector])[0] ** 2)[np.asarray(batch.block_count) > 0]
+        floor = floor_of(0.0, answer)[np.asarray(batch.block_count) > 0]
+        assert np.median(power / floor) < 2.0
+    assert np.min(answer.growth) >= 1.0
+
+
+def test_a_stable_motion_has_no_growth():
+    batch = _batch()
+    posterior, vector = robust_posterior(PLANT, batch, FITTED, pace=pace_of(PLANT, batch, FITTED))
+    growth = answer_to_force(posterior.at_bandwidth(SLOW_BANDWIDTH), vector).growth
+    assert np.mean(growth > 1.0) < 0.2
+
+
+def test_a_posterior_keeps_its_pace_at_every_bandwidth():
+    batch, pace = _batch(), np.array([0.3])
+    paced, _ = robust_posterior(PLANT, batch, FITTED, pace=pace)
+    usual, _ = robust_posterior(PLANT, batch, FITTED)
+    for bandwidth in (100.0, 50.0):
+        own = paced.at_bandwidth(bandwidth)
+        same = usual.at_bandwidth(bandwidth, pace=pace)
+        assert own.recordings.bandwidth == pytest.approx(0.3 * bandwidth)
+        for other in (same, same.with_substeps(2).at_bandwidth(bandwidth)):
+            assert np.allclose(own.recordings.gains.velocity, other.recordings.gains.velocity, rtol=1e-12)
+
+
+def test_a_wrong_friction_shows_at_its_pace_and_not_at_the_usual_one():
+    """A tenth more of friction under a coarse sensor: how much more power it leaves than the true model."""
+    batch = _batch()
+    wrong = _with_friction(Fc=1.1 * PLANT.friction.Fc, Fs=1.1 * PLANT.friction.Fs)
+    more = {}
+    for name, pace in (("paced", pace_of(PLANT, batch, FITTED)), ("usual", None)):
+        powers = []
+        for drive in (PLANT, wrong):
+            posterior, vector = robust_posterior(drive, batch, FITTED, pace=pace)
+            errors = posterior.at_bandwidth(SLOW_BANDWIDTH).errors_at([vector])[0]
+            powers.append(float(np.mean(errors[np.asarray(batch.valid) > 0] ** 2)))
+        assert powers[0] < 1.3
+        more[name] = powers[1] - powers[0]
+    assert more["usual"] < 1.0
+    assert more["paced"] > 10.0 * more["usual"]
