@@ -203,7 +203,7 @@ def compose(cases: int, seed: int, families: Sequence[str] = ()) -> list[Plan]:
     return [plans[i] for i in rng.permutation(cases)]
 
 
-ATTEMPTS = 6
+ATTEMPTS = 10
 """Machines that are tried at most until what they conceal is visible."""
 
 

@@ -33,20 +33,21 @@ OUTSIDE: tuple[str, ...] = tuple(OUTSIDE_EFFECTS)
 # What an effect's sizes are measured by, where a slow recorder, a weight or a coarse encoder changes the scale.
 _TIMES = ("delay", "drive_lag", "sensor_lag")
 _INPUTS = ("drive_saturation", "outside:supply_sag", "outside:drive_hysteresis")
-_GAPS = ("backlash", "outside:loose_sensor", "outside:sensor_drift")
+# Least deflection that the size goes by, in steps of the encoder: a play of the sensor is a tenth of it.
+_GAPS = {"backlash": 6.0, "outside:loose_sensor": 30.0, "outside:sensor_drift": 30.0}
 _SHORTEST_RATE = 500.0  # samples a second from which a strong delay lasts one and a half samples
 
 
 def _to_scale(name: str, plant: Plant, size: float, rate: float) -> tuple[Plant, float]:
     """Plant and size as an effect of the newer families takes them: a delay is as long as samples are, a limit of the
-    input above what the moves need, and play is wider than a step of the encoder."""
+    input as high as what moves need, and play is wider than a step of the encoder."""
     if name in _TIMES:
         return plant, size * max(_SHORTEST_RATE / rate, 1.0)
     if name in _INPUTS:
-        needs = plant.Fs + plant.gravity + 0.5 * plant.J * plant.acceleration
+        needs = plant.Fs + plant.gravity + 0.25 * plant.J * plant.acceleration
         return dataclasses.replace(plant, Fs=needs), size
     if name in _GAPS:
-        wide = max(plant.deflection, 6.0 * plant.encoder_step)
+        wide = max(plant.deflection, _GAPS[name] * plant.encoder_step)
         return dataclasses.replace(plant, sigma0=plant.Fs / wide), size
     return plant, size
 
