@@ -1,6 +1,7 @@
 """`python -m benchmarks.concealed`: make a sealed batch, solve it without the truth, reveal the results.
 
     python -m benchmarks.concealed make --cases 120 --seed 71 --out out/batch
+    python -m benchmarks.concealed make --cases 120 --seed 72 --families industrial,joint --out out/joints
     python -m benchmarks.concealed solve out/batch --rivals
     python -m benchmarks.concealed reveal out/batch --out out/revealed
     python -m benchmarks.concealed series
@@ -28,6 +29,12 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     make.add_argument("--cases", type=int, default=120)
     make.add_argument("--seed", type=int, required=True)
     make.add_argument("--out", type=Path, required=True)
+    make.add_argument(
+        "--families",
+        type=lambda text: tuple(text.split(",")),
+        default=(),
+        help="families of experiments, with commas between them, in equal parts (default: the usual ones)",
+    )
     solve = verbs.add_parser("solve", help="diagnose every case of a batch")
     solve.add_argument("batch", type=Path)
     solve.add_argument("--rivals", action="store_true", help="let the rivals look too")
@@ -56,9 +63,14 @@ def main() -> None:
 def _run(options: argparse.Namespace) -> None:
     """Each imports only what it needs, and `make` nothing of the library."""
     if options.verb == "make":
+        from benchmarks.concealed.composition import UnknownFamily
         from benchmarks.concealed.make import make
 
-        print(f"sealed: sha256 {make(options.cases, options.seed, options.out)}")
+        try:
+            value = make(options.cases, options.seed, options.out, options.families)
+        except UnknownFamily as error:
+            sys.exit(str(error))
+        print(f"sealed: sha256 {value}")
     elif options.verb == "solve":
         from benchmarks.concealed.solve import set_up, solve, workers
 

@@ -6,13 +6,14 @@ says what a case conceals.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import cycle, islice
 from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.concealed.reality import CATALOGUE, EXTRA, OUTSIDE
+from benchmarks.concealed.reality import CATALOGUE, EXTRA, OUTSIDE, RECIPES, rate_of
 
 SHARES = {"nothing": 0.25, "one": 0.45, "two": 0.10, "confusable": 0.05, "outside": 0.15}
 """Stratum -> its share of a batch."""
@@ -56,6 +57,14 @@ _ANYWHERE = (
     "outside:payload_added",
 )  # fmt: skip
 
+# What a coarse encoder, a short file or a slow recorder cannot show.
+_FINE = (*_STICK, "micro_damping", "dwell_strengthening", "friction_lag", "outside:sensor_drift")
+_NOT_IN = {
+    "industrial": _FINE,
+    "poor": (*_FINE, "warmup", "outside:motor_fade", "outside:decaying_detent", "outside:payload_added"),
+    "joint": (*_FINE, "mains_pickup", "flexible_transmission", "encoder_error", "outside:gear_impacts"),
+}
+
 # Family of experiments -> share of a batch. The last two lack a regime.
 _FAMILIES = {
     "default": 0.4,
@@ -66,6 +75,9 @@ _FAMILIES = {
     "sliding": 0.1,
     "presliding": 0.05,
 }
+KNOWN = (*_FAMILIES, *RECIPES)
+"""Families that a batch can be made of."""
+
 # What all recordings of a family last together at most, s.
 _SECONDS = {
     "default": 102,
@@ -87,10 +99,14 @@ _COLOURED = 0.3  # share of the batch with coloured noise
 Key = TypeVar("Key")
 
 
+class UnknownFamily(ValueError):
+    """A batch was asked for with a family of experiments that there is not."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """One case: its stratum, what it conceals and how strong, and how it is measured; `easily_taken_for` is the other
-    effect of a confusable pair."""
+    effect of a confusable pair. The machine is the most visible one of up to so many `attempts`, see `make`."""
 
     stratum: str
     missing: tuple[str, ...]
@@ -101,6 +117,7 @@ class Plan:
     coloured: bool
     seed: int
     easily_taken_for: str = ""
+    attempts: int = 1
 
     def plain(self) -> dict:
         """For JSON."""
@@ -123,7 +140,7 @@ def shows_in(effect: str, family: str) -> bool:
         return effect in _STICK + _ANYWHERE
     if family == "sliding":
         return effect not in _STICK
-    return True
+    return effect not in _NOT_IN.get(family, ())
 
 
 def _dealt(rng: np.random.Generator, shares: dict[Key, float], count: int) -> list[Key]:
@@ -161,8 +178,14 @@ def _matched(families: list[str], contents: list[tuple[tuple[str, ...], str, str
     return [found[i] for i in range(len(contents))]
 
 
-def compose(cases: int, seed: int) -> list[Plan]:
-    """Plans of a batch of `cases`, in the order in which they are numbered."""
+def compose(cases: int, seed: int, families: Sequence[str] = ()) -> list[Plan]:
+    """Plans of a batch of `cases`, in the order in which they are numbered; of the given `families` of experiments in
+    equal parts, or of the usual ones in their own shares.
+
+    Raises `UnknownFamily` for a name that is none.
+    """
+    if families:
+        return _compose_of(cases, seed, families)
     rng = np.random.default_rng([seed, 0x5EA1])
     plans: list[Plan] = []
     for stratum, count in counts(cases).items():
@@ -173,8 +196,93 @@ def compose(cases: int, seed: int) -> list[Plan]:
         coloured = _dealt(rng, {True: _COLOURED, False: 1.0 - _COLOURED}, count)
         dealt = zip(contents, families, rates, short, coloured, strict=True)
         for (missing, strength, other), family, rate, is_short, is_coloured in dealt:
-            stretch = round(min(1.0, max(_SAMPLES / (rate * _SECONDS[family]), _LEAST_STRETCH)), 2)
+            stretch = _stretch_of(family, rate)
             stretch *= 0.5 if is_short and stretch > 0.6 else 1.0
             machine = int(rng.integers(2**53))
             plans.append(Plan(stratum, missing, strength, family, rate, stretch, is_coloured, machine, other))
     return [plans[i] for i in rng.permutation(cases)]
+
+
+ATTEMPTS = 10
+"""Machines that are tried at most until what they conceal is visible."""
+
+
+def _shown(rng: np.random.Generator, stratum: str, families: list[str]) -> list[tuple[tuple[str, ...], str]]:
+    """(effects, easily taken for) of the cases of a stratum, one for each of `families`: what its experiments can show,
+    and no effects again before all that fit have come."""
+    deck = {
+        "one": [((name,), "") for name in NAMED],
+        "two": [(pair, "") for pair in TWO],
+        "confusable": [((first,), second) for first, second in CONFUSABLE],
+        "outside": [((name,), "") for name in OUTSIDE],
+    }.get(stratum, [((), "")])
+    left: list[tuple[tuple[str, ...], str]] = []
+    found = []
+    alone = bool(rng.random() < 0.5)
+    for family in families:
+        if family == "joint" and stratum in ("one", "two"):
+            found.append((_beside_weight(rng, stratum, alone), ""))
+            alone = not alone
+            continue
+        fits = [one for one in deck if all(shows_in(effect, family) for effect in one[0])]
+        if not any(one in left for one in fits):
+            left += [deck[int(i)] for i in rng.permutation(len(deck))]
+        found.append(next(one for one in left if one in fits))
+        left.remove(found[-1])
+    return found
+
+
+def _beside_weight(rng: np.random.Generator, stratum: str, alone: bool) -> tuple[str, ...]:
+    """What a joint conceals: its weight, `alone` or with something else; or something else, while the weight is
+    given."""
+    others = [name for name in NAMED if name != "gravity_pendulum" and shows_in(name, "joint")]
+    other = others[int(rng.integers(len(others)))]
+    if stratum == "two":
+        return ("gravity_pendulum", other)
+    return ("gravity_pendulum",) if alone else (other,)
+
+
+def _compose_of(cases: int, seed: int, families: Sequence[str]) -> list[Plan]:
+    """Plans of a batch of given `families`, each dealt to every stratum alike."""
+    unknown = [family for family in families if family not in KNOWN]
+    if unknown:
+        raise UnknownFamily(f"unknown family of experiments {unknown[0]!r}; known: {', '.join(KNOWN)}")
+    rng = np.random.default_rng([seed, 0x5EA2])
+    strata = [name for name, count in counts(cases).items() for _ in range(count)]
+    rounds = [
+        families[int(i)] for _ in range(-(-cases // len(families))) for i in rng.permutation(len(families))
+    ]
+    plans: list[Plan] = []
+    for stratum in SHARES:
+        own = [family for family, name in zip(rounds, strata, strict=False) if name == stratum]
+        grades = ("strong", "medium", "weak") if stratum == "one" else ("strong", "medium")
+        begin = int(rng.integers(len(grades)))
+        coloured = _dealt(rng, {True: _COLOURED, False: 1.0 - _COLOURED}, len(own))
+        for number, (family, (missing, other)) in enumerate(zip(own, _shown(rng, stratum, own), strict=True)):
+            strength = grades[(begin + number) % len(grades)]
+            if not missing or (family == "joint" and missing == ("gravity_pendulum",)):
+                strength = "strong"  # a link's weight has the size that it has
+            rate = rate_of(rng, family) if family in RECIPES else _dealt(rng, _RATES, 1)[0]
+            stretch = 1.0 if family in RECIPES else _stretch_of(family, rate)
+            machine = int(rng.integers(2**53))
+            attempts = ATTEMPTS if family in RECIPES else 1
+            plans.append(
+                Plan(
+                    stratum,
+                    missing,
+                    strength,
+                    family,
+                    rate,
+                    stretch,
+                    coloured[number],
+                    machine,
+                    other,
+                    attempts,
+                )
+            )
+    return [plans[i] for i in rng.permutation(cases)]
+
+
+def _stretch_of(family: str, rate: float) -> float:
+    """Factor on the durations of a usual family, so that a case has not too many samples."""
+    return round(min(1.0, max(_SAMPLES / (rate * _SECONDS[family]), _LEAST_STRETCH)), 2)

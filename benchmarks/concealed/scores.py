@@ -63,6 +63,27 @@ def naming(answers: Sequence[Answer]) -> dict:
     }
 
 
+def by_family(answers: Sequence[Answer]) -> dict[str, dict]:
+    """The scores that matter most for each family of experiments, in the order of their names."""
+    table = {}
+    for family in sorted({a.truth["families"] for a in answers}):
+        own = [a for a in answers if a.truth["families"] == family]
+        strong = [a for a in own if a.truth["missing"] and a.truth["strength"] == "strong"]
+        seen = _of(own, "one", "confusable", strengths=("strong", "medium"))
+        seconds = [a.verdict["seconds"]["wall"] for a in own]
+        table[family] = {
+            "cases": len(own),
+            "within_class": share([a.right_within_class for a in seen]),
+            "wrong": share([a.outcome == "wrong" for a in own]),
+            "strong_adequate": share([a.verdict["verdict"] == "adequate" for a in strong]),
+            "false_alarms": share([a.verdict["verdict"] != "adequate" for a in _of(own, "nothing")]),
+            "outside_flagged": share([a.verdict["verdict"] == "unknown" for a in _of(own, "outside")]),
+            "two_f1": bootstrapped(_of(own, "two"), f1),
+            "seconds": median(seconds) | {"largest": max(seconds)},
+        }
+    return table
+
+
 def alarms(answers: Sequence[Answer]) -> dict:
     """Nothing hidden: any verdict but adequate, and a name given. Outside the catalogue: noticed, flagged, named."""
     nothing, outside = _of(answers, "nothing"), _of(answers, "outside")
@@ -230,6 +251,7 @@ def scores(answers: Sequence[Answer]) -> dict:
         "cases": len(answers),
         "failed": sum(a.verdict["verdict"] == "failed" for a in answers),
         "naming": naming(answers),
+        "by_family": by_family(answers),
         "alarms": alarms(answers),
         "two_f1": bootstrapped(two, f1),
         "sizes": sizes(answers),

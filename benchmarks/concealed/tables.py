@@ -83,6 +83,36 @@ def by_strength(scores: dict) -> str:
     return _table(("strength", "first name right", "within class", "wrong name"), rows)
 
 
+def by_family(scores: dict) -> str:
+    """A row for each family of experiments."""
+    rows = [
+        (
+            family,
+            str(own["cases"]),
+            _percent(own["within_class"]),
+            _percent(own["wrong"]),
+            _percent(own["strong_adequate"]),
+            _percent(own["false_alarms"]),
+            _percent(own["outside_flagged"]),
+            _number(own["two_f1"]),
+            _number(own["seconds"], 0),
+        )
+        for family, own in scores["by_family"].items()
+    ]
+    head = (
+        "family",
+        "cases",
+        "within class (strong, medium)",
+        "wrong names",
+        "adequate with something strong hidden",
+        "false alarms, nothing hidden",
+        "outside: flagged unknown",
+        "two effects, F1",
+        "s a case, median",
+    )
+    return _table(head, rows)
+
+
 def by_effect(scores: dict) -> str:
     """Outcomes of each effect by strength."""
     rows = [
@@ -207,6 +237,7 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 TABLES: dict[str, Callable[[dict], str]] = {
     "What was reached": summary,
     "By strength": by_strength,
+    "By family of experiments": by_family,
     "By effect": by_effect,
     "Held-out error by method": methods,
     "Rivals under the same seal": rivals,

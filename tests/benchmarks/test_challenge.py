@@ -102,7 +102,7 @@ def test_names_and_files_give_nothing_away(tmp_path, monkeypatch):
             "x": t,
         }
         return SimpleNamespace(
-            plant={"motor_constant": 2.0}, recordings=[recording], truth=dict.fromkeys(keys)
+            plant={"motor_constant": 2.0}, recordings=[recording], truth=dict.fromkeys(keys), given={}
         )
 
     monkeypatch.setattr(making, "simulated", unsimulated)

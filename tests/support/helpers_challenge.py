@@ -6,9 +6,10 @@ from benchmarks.concealed.seal import close, digest_of_case
 NOISE = 1e-6
 
 
-def truth(stratum, *missing, strength="strong", sizes=None):
+def truth(stratum, *missing, strength="strong", sizes=None, families="default"):
     """A case's truth as sealed."""
-    return {"stratum": stratum, "missing": list(missing), "strength": strength, "sizes": sizes or {}}
+    own = {"stratum": stratum, "missing": list(missing), "strength": strength, "sizes": sizes or {}}
+    return own | {"families": families}
 
 
 def verdict(*named, word=None, classes=None, base=10.0, extended=1.0, confidence=0.9, size=None):

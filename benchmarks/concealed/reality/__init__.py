@@ -5,9 +5,12 @@ Nothing here imports the library or JAX: equations, solver and experiments are t
 """
 
 from .cases import SimulatedCase, make_case, write_case
-from .effects import CATALOGUE, EFFECTS, EXTRA, OUTSIDE
+from .effects import CATALOGUE, EFFECTS, EXTRA, OUTSIDE, STRENGTHS
+from .effects_outside import RANDOM
 from .experiments import FAMILIES
+from .families import RECIPES, rate_of
 from .plants import Plant, draw_plant
+from .visibility import visibility
 
 __all__ = [
     "CATALOGUE",
@@ -15,9 +18,14 @@ __all__ = [
     "EXTRA",
     "FAMILIES",
     "OUTSIDE",
+    "RANDOM",
+    "RECIPES",
+    "STRENGTHS",
     "Plant",
     "SimulatedCase",
     "draw_plant",
     "make_case",
+    "rate_of",
+    "visibility",
     "write_case",
 ]

@@ -10,7 +10,9 @@ import numpy as np
 
 from .effects import build
 from .experiments import RATE, Experiment, plan
+from .families import RECIPES
 from .knobs import pack
+from .machines import MACHINES
 from .plants import Plant, draw_plant
 from .recorder import SETTLE, SUBSTEPS, Hidden, record
 from .streams import stream
@@ -20,6 +22,7 @@ from .streams import stream
 class SimulatedCase:
     """A simulated case: `plant` as a case file describes it, `recordings`, and the `truth` that is to be found.
 
+    `given` is what the case file says of the machine's own model: effects that are known to act, with their parameters.
     A recording is a dict of name, role, loop, start_time, sample_rate, t, u and x (measured). `machine`, `knobs` (every
     parameter of the simulator) and `hidden` (what each recording would be without noise) are for the author of a
     benchmark; a diagnosis must not see them, nor `truth`.
@@ -32,13 +35,44 @@ class SimulatedCase:
     machine: Plant
     knobs: np.ndarray
     hidden: list[Hidden]
+    given: dict[str, dict[str, float]]
 
 
 def experiments_of(
     seed: int, plant: Plant, families: str = "default", rate: float = RATE, stretch: float = 1.0
 ) -> list[Experiment]:
     """Experiments of a seed: the same whatever its case conceals."""
-    return plan(stream(seed, "experiments", families), plant, families, rate, stretch)
+    own = stream(seed, "experiments", families)
+    return plan(own, plant, families, rate, stretch, stream(seed, "controller"))
+
+
+def _given(seed: int, plant: Plant) -> dict[str, dict[str, float]]:
+    """A link's weight as its drawing has it: within some percent, as parts with the sine and the cosine of position."""
+    rng = stream(seed, "given")
+    parts = {"sine": np.cos(plant.gravity_at), "cosine": np.sin(plant.gravity_at)}
+    return {
+        "gravity_pendulum": {
+            name: float(plant.gravity * part * rng.uniform(0.95, 1.05)) for name, part in parts.items()
+        }
+    }
+
+
+def knobs_of(
+    seed: int, missing: tuple[str, ...], strength: str, families: str, rate: float, kind: str | None = None
+) -> tuple[Plant, np.ndarray, dict[str, dict], dict[str, dict[str, float]]]:
+    """Machine, knobs, true sizes of what is missing, and what the case file gives; arguments as of `make_case`."""
+    if kind is None and "gravity_pendulum" in missing:
+        kind = "rotary"
+    own = families in RECIPES
+    plant = (MACHINES[families] if own else draw_plant)(stream(seed, "plant"), kind)
+    changes, sizes = build(
+        missing, strength, plant, lambda name: stream(seed, "effect", name), rate if own else None
+    )
+    given: dict = {}
+    if plant.gravity and "gravity_pendulum" not in missing:
+        given = _given(seed, plant)
+        changes |= {"grav": plant.gravity, "grav_x0": plant.gravity_at}
+    return plant, pack(plant, changes), sizes, given
 
 
 def make_case(
@@ -60,13 +94,11 @@ def make_case(
     experiments, `rate` is in samples a second, `stretch` a factor on durations, and `coloured` says whether the
     position noise is coloured. `kind` forces a "rotary" or "linear" machine; an unbalance (`gravity_pendulum`) forces a
     rotary one. With a `horizon` (s), `hidden` predicts held-out recordings so far ahead. `substeps` is at 2 kHz.
+
+    A robot's joint always carries a weight: the case file gives it unless `gravity_pendulum` is missing.
     """
     missing = tuple(missing)
-    if kind is None and "gravity_pendulum" in missing:
-        kind = "rotary"
-    plant = draw_plant(stream(seed, "plant"), kind)
-    changes, sizes = build(missing, strength, plant, lambda name: stream(seed, "effect", name))
-    knobs = pack(plant, changes)
+    plant, knobs, sizes, given = knobs_of(seed, missing, strength, families, rate, kind)
     recordings, hidden, carried, ended = [], [], {}, 0.0
     for experiment in experiments_of(seed, plant, families, rate, stretch):
         if carried:
@@ -100,7 +132,7 @@ def make_case(
         **plant.units,
         "encoder_step": float(plant.encoder_step),
     }
-    return SimulatedCase(f"case_{seed}", described, recordings, truth, plant, knobs, hidden)
+    return SimulatedCase(f"case_{seed}", described, recordings, truth, plant, knobs, hidden, given)
 
 
 def write_case(case: SimulatedCase, folder: str | Path, name: str | None = None) -> Path:
@@ -110,6 +142,12 @@ def write_case(case: SimulatedCase, folder: str | Path, name: str | None = None)
     lines = [f'name = "{name or folder.name}"', "", "[plant]"]
     for key, value in case.plant.items():
         lines.append(f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:.9g}")
+    if case.given:
+        known = [
+            f'{{name = "{effect}", {", ".join(f"{key} = {value:.6g}" for key, value in values.items())}}}'
+            for effect, values in case.given.items()
+        ]
+        lines += ["", "[model]", f"effects = [{', '.join(known)}]"]
     for one in case.recordings:
         lines += ["", "[[recording]]", f'file = "{one["name"]}.csv"', f'role = "{one["role"]}"']
         lines += [f'loop = "{one["loop"]}"', f"start_time = {one['start_time']:.6f}"]

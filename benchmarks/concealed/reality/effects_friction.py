@@ -88,6 +88,8 @@ def gravity_pendulum(rng: Rng, plant: Plant, size: float) -> Drawn:
     if plant.kind != "rotary":
         raise ValueError("gravity_pendulum needs a rotary machine")
     knobs = {"grav": 0.25 * size * plant.Fs, "grav_x0": rng.uniform(-0.3, 0.3)}
+    if plant.gravity:
+        knobs = {"grav": plant.gravity, "grav_x0": plant.gravity_at}
     return knobs, {"amplitude": knobs["grav"], "x0": knobs["grav_x0"]}
 
 

@@ -140,6 +140,9 @@ def loose_sensor(rng: Rng, plant: Plant, size: float) -> Drawn:
     return {"play_b": half}, {"half_play": half}
 
 
+RANDOM = ("outside:stochastic_friction", "outside:sensor_drift")
+"""What is random at every moment."""
+
 OUTSIDE_EFFECTS = {
     f"outside:{effect.__name__}": effect
     for effect in (

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import signals
+from .controllers import Loop, loop_of
+from .families import RECIPES
 from .plants import Plant
 from .signals import RATE
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One planned recording: `command` is the input (open loop) or the reference (closed loop), one value a sample."""
+    """One planned recording: `command` is the input (open loop) or the reference (closed loop), one value a sample;
+    `control` is the family's own position loop, if it has one."""
 
     name: str
     role: str
@@ -23,6 +26,7 @@ class Experiment:
     command: np.ndarray
     trip: float = np.inf
     rate: float = RATE
+    control: Loop | None = None
 
 
 Maker = Callable[[np.random.Generator, Plant, float, float], np.ndarray]
@@ -70,6 +74,7 @@ FAMILIES: dict[str, tuple[tuple[str, ...], float]] = {
     "odd": (("chirp", "pulses", "jog", "holdout_stick", "holdout_moves"), 1.0),
     "few": ((), 1.0),
     "mixed": ((), 1.0),
+    **{family: (tuple(recipe[0] for recipe in recipes), 1.0) for family, recipes in RECIPES.items()},
 }
 
 
@@ -87,13 +92,44 @@ def _choose(rng: np.random.Generator, family: str) -> tuple[tuple[str, ...], flo
     return picked, float(rng.uniform(0.6, 1.2))
 
 
+def _plan_own(
+    rng: np.random.Generator,
+    control_rng: np.random.Generator,
+    plant: Plant,
+    family: str,
+    rate: float,
+    stretch: float,
+) -> list[Experiment]:
+    """Experiments of a family of `families.py`, all with one loop."""
+    control = loop_of(control_rng, plant, family, rate)
+    clock, planned = 0.0, []
+    for name, loop, low, high, make in RECIPES[family]:
+        own = np.random.default_rng(rng.integers(2**63))
+        duration = round(own.uniform(low, high) * stretch, 1)
+        trip = (0.15 if name == "torque_ramps" else 0.5) * plant.stroke
+        role = "holdout" if name.startswith("holdout") else "fit"
+        command = make(own, plant, duration, rate)
+        closed = control if loop == "closed" else None
+        planned.append(Experiment(name, role, loop, clock, command, trip, rate, closed))
+        clock += float(np.ceil(duration + rng.uniform(5.0, 25.0)))
+    return planned
+
+
 def plan(
-    rng: np.random.Generator, plant: Plant, family: str = "default", rate: float = RATE, stretch: float = 1.0
+    rng: np.random.Generator,
+    plant: Plant,
+    family: str = "default",
+    rate: float = RATE,
+    stretch: float = 1.0,
+    control_rng: np.random.Generator | None = None,
 ) -> list[Experiment]:
     """Experiments of a family with random levels and times, in the order they are made.
 
-    `rate` is in samples a second; `stretch` is a factor on the family's durations.
+    `rate` is in samples a second; `stretch` is a factor on the family's durations; `control_rng` sets the position loop
+    of the families that have one of their own (default: `rng`).
     """
+    if family in RECIPES:
+        return _plan_own(rng, control_rng or rng, plant, family, rate, stretch)
     names, own_stretch = _choose(rng, family)
     stretch *= own_stretch
     clock, planned = 0.0, []

@@ -7,14 +7,15 @@ import math
 import numpy as np
 from numba import njit
 
-from .kernel import clocks, measured, shown_late, through_sample
+from .kernel import clocks, measured, place_of, shown_late, through_sample
 from .laws import core_level, level_of, place_level, sliding_deflection, yielding
 
 
 @njit(cache=True)
-def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
+def watch(knobs, state, y, worth, rested, gains, start, dt, substeps, kept, every):
     """Run the machine's own model along a recording `y` of it, corrected by the measurement at every sample, without
-    knowing what was random; every `every`-th corrected state goes into `kept`.
+    knowing what was random; every `every`-th corrected state goes into `kept`. The drive's output is `worth`, and was
+    `rested` before.
 
     The correction is the one of a fixed-gain observer (`gains` of position and velocity): the machine is moved as a
     whole, and each bristle with it as far as it does not slip.
@@ -31,12 +32,13 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
     s.core = core_level(p, s, s.v)
     for k in range(n):
         clocks(p, s, start + k * dt)
-        seen[k] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
+        seen[k] = place_of(p, s)
         speed[k] = s.v
         s.seen = shown_late(seen, speed, k, late, part, dt)
         off = y[k] - measured(p, s)
         moved = gains[0] * off
         s.x, s.x2, s.ys, s.play = s.x + moved, s.x2 + moved, s.ys + moved, s.play + moved
+        s.ys2 += moved
         seen[k] += moved
         s.v += gains[1] * off
         speed[k] = s.v
@@ -50,13 +52,13 @@ def watch(knobs, state, y, worth, gains, start, dt, substeps, kept, every):
             s.mw[i] += p.mw_k[i] * moved * max(0.0, 1.0 - abs(s.mw[i]) / (p.mw_a[i] * g))
         if k % every == 0:
             kept[k // every] = state[0]
-        new = worth[k - whole] if k >= whole else 0.0
-        old = worth[k - whole - 1] if k >= whole + 1 else 0.0
+        new = worth[k - whole] if k >= whole else rested
+        old = worth[k - whole - 1] if k >= whole + 1 else rested
         through_sample(p, s, old, new, switch, 0.0, h, substeps)
 
 
 @njit(cache=True)
-def ahead(knobs, kept, every, worth, horizon, last, start, dt, substeps):
+def ahead(knobs, kept, every, worth, rested, horizon, last, start, dt, substeps):
     """What the sensor will show `horizon` samples (and up to `last` - 1 more) after each kept state, if nothing random
     happens meanwhile; NaN at the samples that no run reaches."""
     p = knobs[0]
@@ -80,12 +82,12 @@ def ahead(knobs, kept, every, worth, horizon, last, start, dt, substeps):
             if j > 0:
                 s.ou *= ou_e
             clocks(p, s, start + k * dt)
-            seen[j] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
+            seen[j] = place_of(p, s)
             speed[j] = s.v
             s.seen = shown_late(seen, speed, j, late, part, dt)
             if j >= horizon:
                 shown[k] = measured(p, s)
-            new = worth[k - whole] if k >= whole else 0.0
-            old = worth[k - whole - 1] if k >= whole + 1 else 0.0
+            new = worth[k - whole] if k >= whole else rested
+            old = worth[k - whole - 1] if k >= whole + 1 else rested
             through_sample(p, s, old, new, switch, 0.0, h, substeps)
     return shown

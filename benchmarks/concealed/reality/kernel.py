@@ -28,7 +28,10 @@ from .laws import (
 )
 
 # Open loop with a trip, or closed loop; the fields of the loop's array.
-KP, KD, TAU_D, U_MAX, TRIP = range(5)
+KP, KD, TAU_D, U_MAX, TRIP, KI = range(6)
+# What the loop carries on from one run to the next: filtered slope and last value of the error, its integral, and what
+# the input was worth last.
+SLOPE, BEFORE, INTEGRAL, WORTH = range(4)
 
 
 @njit(cache=True)
@@ -41,6 +44,12 @@ def _decay(a):
 
 
 @njit(cache=True)
+def _lag_time(p, s, v):
+    """Time with which the friction level follows; another one while the speed rises."""
+    return p.lag_tau * p.lag_rise if abs(v) > abs(s.lag) else p.lag_tau
+
+
+@njit(cache=True)
 def _drift(p, s, h):
     """Positions, deflections and hidden states over time h at constant velocity."""
     v = s.v
@@ -48,7 +57,7 @@ def _drift(p, s, h):
     place_level(p, s, s.x + 0.5 * v * h)
     s.x += v * h
     if p.lag_tau > 0.0:
-        e, _ = _decay(0.5 * h / p.lag_tau)
+        e, _ = _decay(0.5 * h / _lag_time(p, s, v))
         s.lag = v + (s.lag - v) * e
     if p.lag_tau > 0.0 or p.dwell_b != 0.0 or p.spot_a != 0.0:
         s.core = core_level(p, s, v)
@@ -87,7 +96,7 @@ def _drift(p, s, h):
     if p.m2 > 0.0:
         s.x2 += s.v2 * h
     if p.lag_tau > 0.0:
-        e, _ = _decay(0.5 * h / p.lag_tau)
+        e, _ = _decay(0.5 * h / _lag_time(p, s, v))
         s.lag = v + (s.lag - v) * e
     if p.dwell_b != 0.0:
         e, q = _decay(h * slip / p.dwell_d)
@@ -95,6 +104,8 @@ def _drift(p, s, h):
     if p.sensor_tau > 0.0:
         e, q = _decay(h / p.sensor_tau)
         s.ys += (s.x - 0.5 * v * h - s.ys) * (1.0 - e)
+        if p.sensor_twice == 1.0:
+            s.ys2 += (s.ys - s.ys2) * (1.0 - e)
     if p.play_b > 0.0:
         s.play = min(max(s.play, s.x - p.play_b), s.x + p.play_b)
 
@@ -137,12 +148,25 @@ def shown_late(seen, speed, k, late, part, dt):
 
 
 @njit(cache=True)
+def place_of(p, s):
+    """The position that the sensor follows: behind its filter, or behind its play."""
+    if p.sensor_tau > 0.0:
+        return s.ys2 if p.sensor_twice == 1.0 else s.ys
+    return s.play if p.play_b > 0.0 else s.x
+
+
+@njit(cache=True)
 def measured(p, s):
     """What the sensor makes of the position, before noise and rounding."""
     y = s.seen
     if p.enc1 != 0.0 or p.enc2 != 0.0:
         turn = 2.0 * math.pi * y / p.enc_p
         y += p.enc1 * math.sin(turn + p.enc_f1) + p.enc2 * math.sin(2.0 * turn + p.enc_f2)
+    if p.enc_bent != 0.0:
+        # Straight between its turning points: what a wrong interpolation table leaves.
+        y += p.enc_bent * (2.0 / math.pi) * math.asin(math.sin(2.0 * math.pi * y / p.enc_p + p.enc_f1))
+    if p.mains3 != 0.0:
+        y += p.mains3 * math.sin(6.0 * math.pi * p.mains_f * s.clock + 3.0 * p.mains_ph)
     if p.mains_a != 0.0:
         y += p.mains_a * math.sin(2.0 * math.pi * p.mains_f * s.clock + p.mains_ph)
     return y + s.bias
@@ -154,6 +178,8 @@ def _drive(p, s, u, dt):
     w = u
     if p.dead > 0.0:
         w = math.copysign(max(abs(w) - p.dead, 0.0), w)
+    if p.dead_soft > 0.0:
+        w -= p.dead_soft * math.tanh(w / p.dead_soft)
     if p.hys_a != 0.0:
         n = int(p.hys_n)
         held = 0.0
@@ -161,7 +187,7 @@ def _drive(p, s, u, dt):
             s.hys[i] = min(max(s.hys[i], w - p.hys_r[i]), w + p.hys_r[i])
             held += s.hys[i] / n
         w += p.hys_a * (held - w)
-    if p.sat_u > 0.0:
+    if p.sat_u > 0.0 and p.sat_side * w >= 0.0:
         if p.sat_hard == 1.0:
             w = min(max(w, -p.sat_u), p.sat_u)
         else:
@@ -172,6 +198,16 @@ def _drive(p, s, u, dt):
     if p.fade_a != 0.0:
         w *= 1.0 - p.fade_a * (1.0 - math.exp(-s.clock / p.fade_tau))
     return w
+
+
+@njit(cache=True)
+def worth_of(knobs, state, u, start, dt):
+    """What a drive makes of an input that is known, one value a sample, in input units."""
+    worth = np.zeros(u.size)
+    for k in range(u.size):
+        state[0].clock = start + k * dt
+        worth[k] = _drive(knobs[0], state[0], u[k], dt)
+    return worth
 
 
 @njit(cache=True)
@@ -193,12 +229,20 @@ def through_sample(p, s, old, new, switch, disturbance, h, substeps):
             was = s.amp
             s.amp = current + (was - current) * lag_e
             current = 0.5 * (was + s.amp)
+            if p.drive_twice == 1.0:
+                was = s.amp2
+                s.amp2 = current + (was - current) * lag_e
+                current = 0.5 * (was + s.amp2)
         motor = p.km * current
         s.load = p.load_mu * abs(motor)
+        if p.load_side != 0.0:
+            s.load *= 1.0 + p.load_side * math.tanh(motor * s.v / (p.fc * p.vs))
         _drift(p, s, 0.5 * h)
         if p.tr1 != 0.0:
             turn = 2.0 * math.pi * s.x / p.tr_p
             motor *= 1.0 + p.tr1 * math.sin(turn + p.tr_f1) + p.tr2 * math.sin(2.0 * turn + p.tr_f2)
+        if p.tr_flat != 0.0:
+            motor *= 1.0 - p.tr_flat * abs(math.sin(math.pi * s.x / p.tr_p + 0.5 * p.tr_f1))
         if p.hit_a != 0.0:
             s.pulse *= 1.0 - h / p.hit_tau
             if (math.floor(s.x / p.hit_p + 0.5) - s.cell) * p.hit_dir > 0.0:
@@ -209,11 +253,14 @@ def through_sample(p, s, old, new, switch, disturbance, h, substeps):
 
 
 @njit(cache=True)
-def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slow, start, dt, substeps):
+def simulate(
+    knobs, state, closed, command, feed, gains, memory, step, noise, disturbance, slow, start, dt, substeps
+):
     """Simulate one recording; returns input, measured position, what the sensor shows without noise and rounding, and
     the drive's output, and leaves `state` at its end.
 
-    `command` is the input (open loop) or the reference (closed loop), held between samples; `noise` is added to the
+    `command` is the input (open loop) or the reference (closed loop), held between samples; `feed` is what a closed
+    loop adds to its input, and `memory` what it carries on, left as it is at the end; `noise` is added to the
     position before it is rounded to `step`; `disturbance` is a force held for one sample; `slow` drives random walks.
     In open loop the input goes to zero once the machine has run further than the trip distance, as an operator would
     let go, and comes back after its command has passed zero.
@@ -226,7 +273,8 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
     h = dt / substeps
     whole = int(p.delay / dt)
     switch = (p.delay / dt - whole) * substeps
-    slope, before, tripped, origin = 0.0, 0.0, False, s.x
+    slope, before, integral, rested = memory[SLOPE], memory[BEFORE], memory[INTEGRAL], memory[WORTH]
+    tripped, origin = False, s.x
     ou_e = math.exp(-dt / p.ou_tau)
     late = int(p.out_delay / dt)
     part = p.out_delay / dt - late
@@ -238,7 +286,7 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
         if p.ou_std > 0.0:
             s.ou = s.ou * ou_e + p.ou_std * math.sqrt(1.0 - ou_e * ou_e) * slow[k, 1]
         clocks(p, s, start + k * dt)
-        seen[k] = s.ys if p.sensor_tau > 0.0 else (s.play if p.play_b > 0.0 else s.x)
+        seen[k] = place_of(p, s)
         speed[k] = s.v
         s.seen = shown_late(seen, speed, k, late, part, dt)
         clean[k] = measured(p, s)
@@ -246,10 +294,13 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
         y_out[k] = y
         if closed:
             error = command[k] - y
-            if k > 0:
+            if k > 0 or memory[WORTH] != 0.0:
                 slope += ((error - before) / dt - slope) * (dt / (gains[TAU_D] + dt))
             before = error
-            u = min(max(gains[KP] * error + gains[KD] * slope, -gains[U_MAX]), gains[U_MAX])
+            wanted = gains[KP] * error + gains[KD] * slope + gains[KI] * integral + feed[k]
+            u = min(max(wanted, -gains[U_MAX]), gains[U_MAX])
+            if u == wanted:  # the integral waits while the drive gives all it has
+                integral += error * dt
         else:
             u = command[k]
             if tripped and (u == 0.0 or u * command[k - 1] < 0.0):
@@ -260,7 +311,12 @@ def simulate(knobs, state, closed, command, gains, step, noise, disturbance, slo
                 u = 0.0
         u_out[k] = u
         worth[k] = _drive(p, s, u, dt)
-        new = worth[k - whole] if k >= whole else 0.0
-        old = worth[k - whole - 1] if k >= whole + 1 else 0.0
+        if p.jitter > 0.0:
+            late_now = max(p.delay / dt + p.jitter * min(max(slow[k, 1], -2.0), 2.0), 0.0)
+            whole = int(late_now)
+            switch = (late_now - whole) * substeps
+        new = worth[k - whole] if k >= whole else rested
+        old = worth[k - whole - 1] if k >= whole + 1 else rested
         through_sample(p, s, old, new, switch, disturbance[k], h, substeps)
+    memory[SLOPE], memory[BEFORE], memory[INTEGRAL], memory[WORTH] = slope, before, integral, worth[n - 1]
     return u_out, y_out, clean, worth

@@ -14,7 +14,9 @@ class Plant:
     """One machine, in SI units: forces in N or N*m, positions in m or rad.
 
     `stroke` is the half-range that moves use and `top_speed` the fastest of them. `sensor_noise` is in encoder
-    steps (rms) and `process_noise` the rms of a white force, held for one sample, as a share of `Fc`.
+    steps (rms) and `process_noise` the rms of a white force, held for one sample, as a share of `Fc`. `acceleration`
+    is the largest of the moves' (0: the experiments choose), and `gravity` the weight of a link as a force, with the
+    angle `gravity_at` of the origin against hanging (0: no link).
     """
 
     kind: str
@@ -31,6 +33,10 @@ class Plant:
     process_noise: float
     stroke: float
     top_speed: float
+    acceleration: float = 0.0
+    gravity: float = 0.0
+    gravity_at: float = 0.0
+    input_unit: str = "V"
 
     @property
     def deflection(self) -> float:
@@ -44,7 +50,7 @@ class Plant:
         return {
             "position_unit": "rad" if rotary else "m",
             "force_unit": "N*m" if rotary else "N",
-            "input_unit": "V",
+            "input_unit": self.input_unit,
         }
 
     def base(self) -> dict[str, float]:

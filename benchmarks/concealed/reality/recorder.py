@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.signal import lfilter
 
 from .experiments import RATE, Experiment
 from .foresight import ahead, watch
-from .kernel import simulate
+from .kernel import WORTH, simulate, worth_of
 from .knobs import SLOW_STATES, STATE_DTYPE, rest
 from .plants import Plant, log_uniform
 from .streams import stream
@@ -17,17 +18,18 @@ from .streams import stream
 SUBSTEPS = 32
 """Substeps of a sample at 2 kHz; other rates keep the length of the substep, and at least four of them."""
 SETTLE = 1.0
-_STARTS = 40  # predictions that begin within one horizon; each goes on until the next one has come as far
+STARTS = 40  # predictions that begin within one horizon; each goes on until the next one has come as far
 _WATCH = 50.0  # Hz, bandwidth of the observer whose states the predictions start from
 
 
 class Hidden(NamedTuple):
     """What no diagnosis sees, shape `(n,)`: what the sensor would show without noise and rounding (`clean`), and what
     its own model, watching the measurement, would have predicted a horizon before (`ahead`; NaN where it was not
-    asked)."""
+    asked); the same of `m` other models, shape `(m, n)` (`rivals`)."""
 
     clean: np.ndarray
     ahead: np.ndarray
+    rivals: np.ndarray
 
 
 def _gains(rng: np.random.Generator, plant: Plant, trip: float) -> np.ndarray:
@@ -56,23 +58,35 @@ def record(
     *,
     coloured: bool = False,
     horizon: float = 0.0,
+    rivals: Sequence[np.ndarray] = (),
+    starts: int = STARTS,
 ) -> tuple[dict, dict[str, float], Hidden]:
     """Simulate one experiment; returns the recording, the slow states at its end, and what is hidden.
 
-    `substeps` is at 2 kHz; `coloured` makes the position noise coloured; with a `horizon` (s) the machine predicts.
+    `substeps` is at 2 kHz; `coloured` makes the position noise coloured; with a `horizon` (s) the machine predicts, and
+    so do models with other knobs (`rivals`), from `starts` states within one horizon.
     """
     rng = stream(seed, "noise", experiment.name)
     gains = _gains(stream(seed, "controller"), plant, experiment.trip)
+    control = experiment.control
+    if control is not None:
+        gains = control.gains
+        feed = control.feed(plant, experiment.command, experiment.rate)
+    else:
+        gains = np.append(gains, 0.0)
+        feed = np.zeros(experiment.command.size)
+    memory = np.zeros(4)
     state = rest()
     for name, value in carried.items():
         state[name] = value
     rate, n, start = experiment.rate, experiment.command.size, experiment.start_time
     dt, substeps = 1.0 / rate, max(round(substeps * RATE / rate), 4)
     steps_ahead = round(horizon * rate)
-    every = max(steps_ahead // _STARTS, 1) if steps_ahead else 0
-    kept = np.zeros(-(-n // every) if every else 0, STATE_DTYPE)
+    every = max(steps_ahead // starts, 1) if steps_ahead else 0
 
-    def run(closed: bool, command: np.ndarray, quiet: bool, begin: float) -> tuple[np.ndarray, ...]:
+    def run(
+        closed: bool, command: np.ndarray, feed: np.ndarray, quiet: bool, begin: float
+    ) -> tuple[np.ndarray, ...]:
         count = command.size
         scale = 0.0 if quiet else 1.0
         noise = rng.standard_normal(count)
@@ -82,18 +96,26 @@ def record(
         push = scale * plant.process_noise * plant.Fc * rng.standard_normal(count)
         slow = scale * rng.standard_normal((count, 2))
         step = plant.encoder_step
-        return simulate(knobs, state, closed, command, gains, step, noise, push, slow, begin, dt, substeps)
+        return simulate(
+            knobs, state, closed, command, feed, gains, memory, step, noise, push, slow, begin, dt, substeps
+        )
 
-    # Constant forces are there before the recording starts: let the machine settle under them.
-    run(False, np.zeros(round(SETTLE * rate)), True, start - SETTLE)
-    first = state.copy()
-    u, y, clean, worth = run(experiment.loop == "closed", experiment.command, False, start)
-    foreseen = np.full(n, np.nan)
-    if every:
+    # Constant forces are there before the recording starts: let the machine settle under them, held by its loop.
+    before = np.zeros(round(SETTLE * rate))
+    run(control is not None, before, before + (feed[0] if control is not None else 0.0), True, start - SETTLE)
+    first, rested = state.copy(), float(memory[WORTH])
+    u, y, clean, worth = run(experiment.loop == "closed", experiment.command, feed, False, start)
+
+    def foreseen(model: np.ndarray, worth: np.ndarray) -> np.ndarray:
+        if not every:
+            return np.full(n, np.nan)
+        kept = np.zeros(-(-n // every), STATE_DTYPE)
         pole = np.exp(-2 * np.pi * min(_WATCH, 0.1 * rate) * dt)
         watching = np.array([1.0 - pole**2, (1.0 - pole) ** 2 / dt])
-        watch(knobs, first, y, worth, watching, start, dt, substeps, kept, every)
-        foreseen = ahead(knobs, kept, every, worth, steps_ahead, every, start, dt, substeps)
+        watch(model, first.copy(), y, worth, rested, watching, start, dt, substeps, kept, every)
+        return ahead(model, kept, every, worth, rested, steps_ahead, every, start, dt, substeps)
+
+    others = [foreseen(model, worth_of(model, first.copy(), u, start, dt)) for model in rivals]
     recording = {
         "name": experiment.name,
         "role": experiment.role,
@@ -104,4 +126,5 @@ def record(
         "u": u,
         "x": y,
     }
-    return recording, {name: float(state[name][0]) for name in SLOW_STATES}, Hidden(clean, foreseen)
+    inside = Hidden(clean, foreseen(knobs, worth), np.array(others).reshape(-1, n))
+    return recording, {name: float(state[name][0]) for name in SLOW_STATES}, inside
