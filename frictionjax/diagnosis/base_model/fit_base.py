@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
+from frictionjax.diagnosis.base_model.likeliest import likeliest
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
@@ -70,7 +71,7 @@ def fit_base(
     them leads to the lowest: each of the `starts` is fitted with the fast observer, and the two with the lowest misfit
     with the slow one. The better of these is fitted again with as many integration steps a sample as it needs
     (`steps_needed`), which the model keeps. How slow the observers may be depends on friction (`pace_of`): on that of
-    the first start, and then once more on that of the fit.
+    the first start, and, where a sensor is coarse, once more on that of the `likeliest` parameters.
 
     **Raises:** `ValueError` when no start gives finite predictions.
     """
@@ -95,17 +96,27 @@ def fit_base(
             "the motor constant."
         )
     posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
-    own = pace_of(posterior.drive_of(fitted.vector), batch, held_out, rule=rule)
-    if np.any(own != pace):
-        progress("base fit: observer of its own pace", 0.75)
-        posterior = posterior.at_bandwidth(SLOW_BANDWIDTH, pace=own)
-        fitted = descend(posterior, fitted.vector, graduate=False)
+    if np.any(pace < 1.0):
+        progress("base fit: likeliest parameters", 0.7)
+        posterior, fitted = _at_its_own_pace(posterior, fitted, held_out, rule)
     steps = steps_needed(posterior, fitted.vector, rule=rule)
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)
         posterior = with_steps(posterior, steps)
         fitted = descend(posterior, fitted.vector, graduate=False)
     return Model(posterior, fitted, judge(posterior, fitted))
+
+
+def _at_its_own_pace(
+    posterior: Posterior, fitted: Fitted, held_out: Bool[np.ndarray, " r"], rule: Rule
+) -> tuple[Posterior, Fitted]:
+    """The base model at the pace that its likeliest parameters ask for, by the `rule`, converged from these and from
+    where it was `fitted`: the better end."""
+    there = likeliest(posterior, fitted.vector)
+    pace = pace_of(posterior.drive_of(there), posterior.batch, held_out, rule=rule)
+    paced = posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
+    ends = [descend(paced, vector, graduate=False) for vector in (there, fitted.vector)]
+    return paced, min(ends, key=lambda end: end.misfit)
 
 
 def parameters_of(
