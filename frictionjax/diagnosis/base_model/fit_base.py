@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
-from frictionjax.diagnosis.base_model.likeliest import likeliest
+from frictionjax.diagnosis.base_model.likeliest import is_coarse, likeliest, likeliest_parameters
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
@@ -96,7 +96,7 @@ def fit_base(
             "the motor constant."
         )
     posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
-    if np.any(pace < 1.0):
+    if is_coarse(posterior):
         progress("base fit: likeliest parameters", 0.7)
         posterior, fitted = _at_its_own_pace(posterior, fitted, held_out, rule)
     steps = steps_needed(posterior, fitted.vector, rule=rule)
@@ -145,8 +145,11 @@ def reported_parameters(
 ) -> tuple[dict[str, Estimate], str]:
     """`parameters_of` the `model`, with the same `units` and `force`, and a warning about them: that the integration
     error is still in them, or that the stated errors are too small; empty when there is none. A model that is `lacking`
-    an effect is not corrected for the integration error: the missing effect biases its parameters by far more."""
+    an effect is not corrected for the integration error: the missing effect biases its parameters by far more. Under a
+    coarse sensor the parameters are the likeliest ones, as of `fit`."""
     chaotic = is_chaotic(model)
+    if is_coarse(model.posterior) and not chaotic and not lacking:
+        return likeliest_parameters(model.posterior, model.fitted.vector, units), ""
     posterior, fitted = (
         (model.posterior, model.fitted) if chaotic else _predictable_only(model, force, rule=rule)
     )

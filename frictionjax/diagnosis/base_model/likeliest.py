@@ -1,4 +1,4 @@
-"""The likeliest parameters of a base model: those of `fit`, from where the robust descent ended.
+"""The likeliest parameters of a model whose sensor is coarse: those of `fit`, from where the robust descent ended.
 
 A fixed-gain observer that is slow enough for a coarse sensor prefers friction that does not fall with velocity: noise
 grows in an unstable motion, and a stable model leaves less. A Kalman filter knows how much noise grows.
@@ -8,11 +8,22 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
-from frictionjax.estimation.descent.refine import OneFit, at_start, refine
+from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
+from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import changed
+from frictionjax.estimation.uncertainty import covariance_of, estimates
+
+_STEPS = 2  # integration steps a sample at least, as in `fit`
+
+
+def is_coarse(posterior: Posterior) -> bool:
+    """Whether a sensor of the recordings is so coarse that its observer is slower than usual."""
+    recordings = posterior.recordings
+    return isinstance(recordings, Observed) and bool(np.any(np.asarray(recordings.pace) < 1.0))
 
 
 def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
@@ -21,6 +32,26 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
 
     **Arguments:** `posterior`, of a diagnosis; `vector`, where its descent ended.
     """
+    rows = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
+    places = np.concatenate([np.arange(posterior.parameters), posterior.parameters + rows])
+    return changed(vector, places, _refined(posterior, vector, posterior.batch.substeps).vector)
+
+
+def likeliest_parameters(
+    posterior: Posterior, vector: Float[Numbers, " q"], units: dict[str, str]
+) -> dict[str, Estimate]:
+    """Physical values of the `likeliest` parameters with the standard errors of `fit`.
+
+    **Arguments:** `posterior`, `vector`: as there; `units` maps force, position, input to unit names.
+    """
+    found = _refined(posterior, vector, max(posterior.batch.substeps, _STEPS))
+    evaluations = found.posterior.evaluated(found.vector)
+    near = found.posterior.assembled(evaluations, found.vector)
+    return estimates(found.posterior, found.vector, covariance_of(found.posterior, evaluations, near), units)
+
+
+def _refined(posterior: Posterior, vector: Float[Numbers, " q"], substeps: int) -> Refined:
+    """The minimum for the fitted recordings, with so many integration `substeps` a sample."""
     own, start = posterior.of_fitted(vector)
     gaussian = eqx.tree_at(
         lambda p: (p.loss, p.start, p.ceilings),
@@ -29,7 +60,4 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
         is_leaf=lambda leaf: leaf is None,
     )
     known = np.zeros(own.batch.x.shape[0], bool)
-    found = refine(OneFit(known, own.batch.substeps), at_start(gaussian, start))
-    rows = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
-    places = np.concatenate([np.arange(posterior.parameters), posterior.parameters + rows])
-    return changed(vector, places, found.vector)
+    return refine(OneFit(known, substeps), at_start(gaussian, start))

@@ -1,0 +1,53 @@
+"""A coarse sensor: the base model of a machine whose friction falls steeply with velocity is found, and is adequate."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers_estimation import PLANT, base_fit, closed_loop, moves, truth
+
+from frictionjax.diagnosis.base_model.fit_base import reported_parameters
+from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
+from frictionjax.diagnosis.rule import Rule
+
+NOISE = 2e-5
+"""Of the sensor, rad: a tenth of the friction more would hide below it in the usual observer."""
+UNITS = {"force": "N*m", "position": "rad", "input": "V"}
+STEEP = dataclasses.replace(
+    PLANT, friction=dataclasses.replace(PLANT.friction, Fs=1.4 * PLANT.friction.Fc, vs=0.05)
+)
+
+
+def _slow(amplitude, frequency, seconds=3.0):
+    return amplitude * np.sin(2.0 * np.pi * frequency * np.arange(round(2000.0 * seconds)) / 2000.0)
+
+
+@pytest.fixture(scope="module")
+def base():
+    common = {"drive": STEEP, "noise": NOISE, "substeps": 4}
+    recordings = (
+        closed_loop("moves", moves(), seed=1, **common),
+        closed_loop("slow", _slow(0.05, 0.5), seed=2, **common),
+        closed_loop("slower", _slow(0.02, 0.4), seed=3, **common),
+        closed_loop("others", moves(positions=(-0.25, 0.1, 0.07)), seed=4, role="holdout", **common),
+        closed_loop("slow too", _slow(0.04, 0.6), seed=5, role="holdout", **common),
+    )
+    return base_fit((PLANT,), recordings)
+
+
+def test_it_is_at_the_noise(base):
+    answer = answer_to_force(base.posterior, base.fitted.vector)
+    floor = floor_of(0.0, answer, quietness(base.judgement.power, answer, base.posterior))
+    assert base.judgement.within(floor, Rule().limits.adequate) == (True, True)
+
+
+def test_its_parameters_are_those_of_the_machine(base):
+    """Of the steep fall too, which a fixed observer would make gentle."""
+    found, message = reported_parameters(base, UNITS)
+    assert message == ""
+    for name, value in truth(STEEP).items():
+        estimate = found[name]
+        if estimate.identified:
+            assert abs(estimate.value - value) < 4.0 * estimate.stderr, (name, estimate, value)
+    assert all(found[name].identified for name in ("J", "Fc", "Fs", "vs"))
+    assert found["vs"].value == pytest.approx(0.05, rel=0.1)
