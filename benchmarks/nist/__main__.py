@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-import frictionjax as fj
 from benchmarks.nist.descents import Ended, alone, as_fit, by_scipy
 from benchmarks.nist.models import MODELS
 from benchmarks.nist.problems import Problem, all_problems
+from frictionjax.core import InputError, configure_jax
 
 CERTIFIED_DIGITS = 11
 SOLVED = 4.0
@@ -43,27 +43,35 @@ SOLVERS: dict[str, Callable[[Problem, Float[np.ndarray, " p"]], Ended]] = {
 }
 
 
+def error(problem: Problem, ended: Ended) -> float:
+    """Error of the worst parameter, over its certified standard deviation."""
+    return float(np.max(np.abs(ended.parameters - problem.certified) / problem.deviations))
+
+
 def row(problem: Problem, number: int, ended: dict[str, Ended]) -> str:
     """The row of a `problem` from start `number` (0 or 1), where each of `SOLVERS` `ended`."""
     cells = [problem.name, problem.level.lower(), str(number + 1)]
     for solver, one in ended.items():
         cells.append(f"{digits(one.parameters, problem.certified):.1f}")
         if solver == "as `fit`":
-            off = np.max(np.abs(one.parameters - problem.certified) / problem.deviations)
-            cells.append(f"{off:.2g}")
+            cells.append(f"{error(problem, one):.2g}")
         cells.append(str(one.evaluations))
     return f"| {' | '.join(cells)} |"
 
 
-def summary(solved: dict[str, list[float]], evaluations: dict[str, list[int]]) -> str:
-    """How many problems each solver solved, the median of the digits of those, and of the evaluations."""
+def summary(
+    solved: dict[str, list[float]], errors: dict[str, list[float]], evaluations: dict[str, list[int]]
+) -> str:
+    """How many problems each solver `solved` (their digits), how many have `errors` below one standard deviation, and
+    medians of the digits of those solved and of the `evaluations`."""
     lines = []
     for solver, found in solved.items():
         right = np.array(found) >= SOLVED
         middle = f"{np.median(np.array(found)[right]):.1f}" if np.any(right) else "-"
         lines.append(
             f"{solver}: {np.sum(right)} of {right.size} to {SOLVED:.0f} digits or more, these to {middle} digits in "
-            f"the median; {np.median(evaluations[solver]):.0f} evaluations in the median."
+            f"the median; {np.sum(np.array(errors[solver]) < 1.0)} within a standard deviation; "
+            f"{np.median(evaluations[solver]):.0f} evaluations in the median."
         )
     return "\n".join(lines)
 
@@ -83,13 +91,14 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
 def main() -> int:
     """Print a row for each problem and start, and what each solver solved."""
     options = parsed()
-    fj.configure_jax()
+    configure_jax()
     try:
         problems = all_problems(None if options.data is None else [options.data], options.names or MODELS)
-    except fj.InputError as absent:
+    except InputError as absent:
         sys.stderr.write(f"{absent}\n")
         return 1
     solved: dict[str, list[float]] = {solver: [] for solver in SOLVERS}
+    errors: dict[str, list[float]] = {solver: [] for solver in SOLVERS}
     evaluations: dict[str, list[int]] = {solver: [] for solver in SOLVERS}
     print(HEAD)
     for problem in problems:
@@ -98,8 +107,9 @@ def main() -> int:
             print(row(problem, number, ended), flush=True)
             for solver, one in ended.items():
                 solved[solver].append(digits(one.parameters, problem.certified))
+                errors[solver].append(error(problem, one))
                 evaluations[solver].append(one.evaluations)
-    print(f"\n{summary(solved, evaluations)}")
+    print(f"\n{summary(solved, errors, evaluations)}")
     return 0
 
 
