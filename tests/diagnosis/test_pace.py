@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, open_loop
+from helpers_plants import effect
 from scipy.linalg import solve_discrete_are
 
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
@@ -51,6 +52,12 @@ def test_a_machine_that_slides_is_observed_like_a_free_mass():
     batch = _batch()
     (pace,) = pace_of(PLANT, batch, FITTED)
     assert pace * SLOW_BANDWIDTH == pytest.approx(free_mass_bandwidth(PLANT, batch, Rule())[0])
+
+
+def test_an_effect_of_the_base_model_changes_no_free_mass():
+    batch = _batch()
+    loaded = PLANT.with_effects(effect("ConstantLoad", load=0.01))
+    assert pace_of(loaded, batch, FITTED) == pytest.approx(pace_of(PLANT, batch, FITTED))
 
 
 def test_the_pace_is_never_faster_than_usual_nor_slower_than_a_block_remembers():

@@ -15,6 +15,7 @@ from frictionjax.estimation.data.batch import AbstractBatch, Batch
 from frictionjax.estimation.evidence import AbstractRecordings, Observed
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import Drive
 from frictionjax.simulation import innovation_gain
 
@@ -69,7 +70,8 @@ def _answer(
 ) -> Float[np.ndarray, " r"]:
     """Mean logarithm over the blocks of each recording of the squared innovations, position units squared, with which
     `drive` at this `pace` answers to noise and to an unmeasured force."""
-    posterior, vector = robust_posterior(drive, batch, held_out, pace=pace)
+    scales = plant_scales(drive, batch)
+    posterior, vector = robust_posterior(drive, batch, held_out, scales=scales, pace=pace)
     slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     plain, rng = slow.errors_at([vector])[0], np.random.default_rng(20020304)
     force = rule.floor.largest_force * float(drive.friction.Fc) / float(drive.motor_constant)
