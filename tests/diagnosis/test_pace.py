@@ -51,7 +51,8 @@ def test_the_bandwidth_of_a_free_mass_is_that_of_its_kalman_filter(noise, rate):
 def test_a_machine_that_slides_is_observed_like_a_free_mass():
     batch = _batch()
     (pace,) = pace_of(PLANT, batch, FITTED)
-    assert pace * SLOW_BANDWIDTH == pytest.approx(free_mass_bandwidth(PLANT, batch, Rule())[0])
+    optimum = free_mass_bandwidth(PLANT, batch, Rule())[0]
+    assert optimum <= pace * SLOW_BANDWIDTH < 2.0 * optimum
 
 
 def test_an_effect_of_the_base_model_changes_no_free_mass():
@@ -62,7 +63,8 @@ def test_an_effect_of_the_base_model_changes_no_free_mass():
 
 def test_the_pace_is_never_faster_than_usual_nor_slower_than_a_block_remembers():
     assert pace_of(PLANT, _batch(1e-9), FITTED)[0] == 1.0
-    assert pace_of(PLANT, _batch(1e-3), FITTED)[0] == pytest.approx(5.0 / SLOW_BANDWIDTH)
+    assert pace_of(PLANT, _batch(2e-6), FITTED)[0] == 1.0
+    assert pace_of(PLANT, _batch(1e-3), FITTED)[0] == 0.125
 
 
 def _unstable():

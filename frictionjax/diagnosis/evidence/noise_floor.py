@@ -41,7 +41,8 @@ class Answer(eqx.Module):
 
     def powers(self, size: float, quiet: Float[np.ndarray, "r 1"] | float) -> Float[np.ndarray, "d r b"]:
         """Power of each block of each draw, for noise of the power `quiet` and a force `size` (over Fc)."""
-        return quiet * self.noise + 2.0 * size * np.sqrt(quiet) * self.product + size**2 * self.force
+        grown = quiet * self.growth
+        return grown * self.noise + 2.0 * size * np.sqrt(grown) * self.product + size**2 * self.force
 
 
 def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule: Rule = Rule()) -> Answer:
@@ -70,7 +71,7 @@ def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule:
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
     gain = _smooth(capped(force.mean(axis=0), rule))
     growth = _beyond_chance(_smooth(np.mean(grown, axis=0)), np.asarray(batch.block_count))
-    return Answer(gain, growth, growth * noise, force, np.sqrt(growth) * product)
+    return Answer(gain, growth, noise, force, product)
 
 
 def _smooth(power: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r b"]:

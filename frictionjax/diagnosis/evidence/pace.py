@@ -22,7 +22,6 @@ from frictionjax.simulation import innovation_gain
 _LEAST_BANDWIDTH = (
     5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
 )
-_STEP = 2.0  # between bandwidths that are tried
 _DRAWS = 2
 _SMALLEST = 1e-300  # of a power: its logarithm is a number
 
@@ -32,8 +31,9 @@ def pace_of(
 ) -> Float[np.ndarray, " r"]:
     """Bandwidth of the observer of each recording of `batch` over the usual one, at most 1.
 
-    Of several bandwidths that one at which the innovations of `drive` answer least, in the mean of the logarithms over
-    blocks, to noise of the sensor and to the largest unmeasured force that the `rule` does not take for physics.
+    Of halves of the usual bandwidth, down to that of a free mass (`free_mass_bandwidth`), the one at which the
+    innovations of `drive` answer least, in the mean of the logarithms over blocks, to noise of the sensor and to the
+    largest unmeasured force that the `rule` does not take for physics.
 
     **Arguments:**
 
@@ -44,10 +44,11 @@ def pace_of(
     ones = np.ones(batch.x.shape[0])
     if not isinstance(batch, Batch):
         return ones
-    slowest = np.clip(free_mass_bandwidth(drive, batch, rule), _LEAST_BANDWIDTH, SLOW_BANDWIDTH)
-    tried = [slowest / SLOW_BANDWIDTH]
+    optimum = np.clip(free_mass_bandwidth(drive, batch, rule), _LEAST_BANDWIDTH, SLOW_BANDWIDTH)
+    # Halves of the usual bandwidth: where the optimum is nearly usual nothing changes.
+    tried = [2.0 ** np.ceil(np.log2(optimum / SLOW_BANDWIDTH))]
     while np.any(tried[-1] < 1.0):
-        tried.append(np.minimum(_STEP * tried[-1], 1.0))
+        tried.append(np.minimum(2.0 * tried[-1], 1.0))
     if len(tried) == 1:
         return ones
     answers = [_answer(drive, batch, held_out, pace, rule) for pace in tried]
