@@ -10,10 +10,16 @@ from jaxtyping import Float
 
 from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.pace import pace_of
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
+from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 
@@ -35,6 +41,21 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
     rows = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
     places = np.concatenate([np.arange(posterior.parameters), posterior.parameters + rows])
     return changed(vector, places, _refined(posterior, vector, posterior.batch.substeps).vector)
+
+
+def likeliest_pace(model: Model, *, rule: Rule = Rule()) -> Float[np.ndarray, " r"]:
+    """The pace of each recording's observer that the `likeliest` parameters of the `model` ask for (`pace_of`, with the
+    `rule`)."""
+    posterior = model.posterior
+    drive = posterior.drive_of(likeliest(posterior, model.fitted.vector))
+    return pace_of(drive, posterior.batch, model.judgement.held_out, rule=rule)
+
+
+def at_pace(model: Model, pace: Float[np.ndarray, " r"]) -> Model:
+    """The `model` converged and judged with observers of another `pace`."""
+    posterior = model.posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
+    fitted = descend(posterior, model.fitted.vector, graduate=False)
+    return Model(posterior, fitted, judge(posterior, fitted))
 
 
 def likeliest_parameters(

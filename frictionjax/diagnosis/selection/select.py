@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Progress
+from frictionjax.diagnosis.base_model.likeliest import at_pace, is_coarse, likeliest_pace
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
@@ -60,7 +61,41 @@ def select(
     - `balanced`: gives the forces that the force balance asks for; called only where refits are stuck.
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
+
+    Under a coarse sensor, what is named may show that the observers were too slow for the machine's friction, or
+    could be slower: where something is left, the selection is made once more at the pace of the model that it found.
     """
+
+    def selected(base: Model) -> Selection:
+        return _selected(base, executor, progress, without, barred, stick_inertia, balanced, rule, effort)
+
+    found = selected(model)
+    again = _at_the_pace_of(found, model, rule)
+    return found if again is None else selected(again)
+
+
+def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
+    """The `base` model at the pace of what was `found`; None where nothing is left, or the pace is the same."""
+    accepted = [step.accepted for step in found.steps if step.accepted is not None]
+    if not accepted or not found.decision.remains or not is_coarse(base.posterior):
+        return None
+    pace = likeliest_pace(accepted[-1].model, rule=rule)
+    same = np.array_equal(pace, np.asarray(base.posterior.recordings.pace))  # type: ignore[attr-defined]
+    return None if same else at_pace(base, pace)
+
+
+def _selected(
+    model: Model,
+    executor: Executor,
+    progress: Progress,
+    without: frozenset[str],
+    barred: frozenset[str],
+    stick_inertia: float | None,
+    balanced: Callable[[], tuple[Balanced, ...]],
+    rule: Rule,
+    effort: Effort,
+) -> Selection:
+    """As `select`, at the pace of the `model`."""
     model = ease(model, rule=rule, effort=effort)
     posterior = model.posterior
     scales = plant_scales(model.judgement.drive, posterior.batch)
