@@ -103,6 +103,10 @@ def in_turn(chunks: Chunks, compute: Callable[[Numbers], Done]) -> Iterator[Done
         yield done
 
 
+class WorkersLost(RuntimeError):
+    """The workers of one chunk were lost twice."""
+
+
 class Lost(NamedTuple):
     """A chunk whose worker was lost: the `error` that said so."""
 
@@ -127,7 +131,7 @@ def on_executor(
     **Returns:** what was done, as it is; a chunk whose worker was lost is tried once more.
 
     **Raises:** whatever a task raised that is not the failure of a case; the error of an executor that has come to its
-        end, and that of a chunk whose workers were lost twice.
+        end, and `WorkersLost`.
     """
     window = _UNKNOWN if workers is None else 2 * workers
     pending: dict[Any, Numbers] = {}
@@ -148,6 +152,8 @@ def on_executor(
                     lost.add(int(numbers[0]))
                     chunks.again(numbers)
                     yield Lost(error)
+                elif _is_a_loss(error):
+                    raise WorkersLost(str(error)) from error
                 else:
                     raise error
             watch()

@@ -105,7 +105,7 @@ class ResponseTask(AbstractTask):
         return True
 
     def check(self, axes: tuple[str, ...]) -> None:
-        """Raise `InputError` where `axes` name nothing of machine or experiment, or the band has too few frequencies."""
+        """Raise `InputError` where `axes` name nothing of machine or experiment, or the band is too narrow."""
         require_x64()
         check_axes(self.machine, self.experiment, axes)
         several = [self.experiment] if isinstance(self.experiment, Experiment) else self.experiment.values()

@@ -19,6 +19,7 @@ from frictionjax.studies.dispatch import (
     Lost,
     Numbers,
     Submits,
+    WorkersLost,
     in_turn,
     on_executor,
     refuse_fork,
@@ -124,6 +125,9 @@ class _Run:
             raise StudyStopped(_how_to_go_on("The study was stopped", place)) from interrupt
         except BrokenExecutor as error:
             text = _how_to_go_on(f"A worker was lost, and the executor has ended ({error})", place)
+            raise RuntimeError(text) from error
+        except WorkersLost as error:
+            text = _how_to_go_on(f"Workers were lost twice at the same cases ({error})", place)
             raise RuntimeError(text) from error
         if place is not None and not (finished := place.done()).all():
             raise RuntimeError(

@@ -4,6 +4,7 @@ import abc
 import dataclasses
 import functools
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -334,5 +335,8 @@ def _is_of_the_machine(error: Exception) -> bool:
 
 
 def _one_line(error: Exception) -> str:
+    # Of `equinox.error_if`: its sentence stands among the lines of a traceback.
+    if found := re.search(r"EquinoxRuntimeError: ([^\n]+)", str(error)):
+        return found[1]
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text[:500]}" if text else type(error).__name__

@@ -82,8 +82,8 @@ def compute(
     - `stopped`: asked before each block; where it says so, the rest is left.
     - `report`: called with the number of cases of each block that is finished.
 
-    **Raises:** `InputError` where the shard cannot be written; `KeyboardInterrupt` when interrupted, after what is
-        finished has been written.
+    **Raises:** `InputError` where the shard cannot be written; and, after what is finished has been written, whatever
+        ended the work, such as a `KeyboardInterrupt`.
     """
     if order.folder is not None:
         file = shard_file(order.folder, np.concatenate([block.places for block in order.blocks]))
@@ -98,7 +98,7 @@ def compute(
                     break
                 outcomes.append(task.compute(order.seed, block))
                 report(len(block.places))
-    except KeyboardInterrupt:
+    except BaseException:  # what is finished stays, whatever happened
         _finish(outcomes, order, start)
         raise
     return _finish(outcomes, order, start)
