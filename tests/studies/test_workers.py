@@ -194,7 +194,7 @@ def test_workers_that_write_elsewhere_are_noticed(tmp_path, monkeypatch):
             return super().submit(function, argument._replace(folder=tmp_path / "other"))
 
     with pytest.raises(
-        RuntimeError, match="20 cases were computed and are not in .*let all workers see that folder"
+        RuntimeError, match=r"20 cases were computed and are not in .*let all workers see that folder"
     ):
         run_study(plain_study(), tmp_path / "s.zarr", Elsewhere(KilledWorker, {}), **QUIET)
 
@@ -223,7 +223,7 @@ def test_a_function_without_a_name_is_sent_by_value_or_refused(monkeypatch):
     assert again.function(None, 3) == {"value": 3} and worker._task(worker.packed(task)) is not task
     monkeypatch.setattr(worker.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(
-        InputError, match="cannot be sent to another process .*top of a module, or install cloudpickle"
+        InputError, match=r"cannot be sent to another process .*top of a module, or install cloudpickle"
     ):
         worker.packed(task)
     assert worker._task(worker.packed(plain_study().task)).function is plain_study().task.function

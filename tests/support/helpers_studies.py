@@ -6,8 +6,9 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import pytest
 
-from frictionjax import Axis, CompiledTask, Factorial, PythonTask, Study
+from frictionjax import Axis, CompiledTask, Factorial, PythonTask, Study, run_study
 
 
 def drawn(key, gain, offset, kind="plain"):
@@ -78,3 +79,22 @@ def same(one, other):
         else:
             assert [str(a) for a in first.ravel()] == [str(b) for b in second.ravel()], name
         assert dict(one[name].attrs) == dict(other[name].attrs)
+
+
+def scaled(key, gain):
+    """Noise of this gain."""
+    return {"value": gain * jax.random.normal(key)}
+
+
+def scaled_study(gains, **how):
+    """Cases of `scaled`, four side by side."""
+    pytest.importorskip("zarr")
+    design = Factorial(Axis("gain", gains), repeats=how.pop("repeats"))
+    return Study(design, CompiledTask(scaled, lanes=4), **how)
+
+
+def kept_study(folder):
+    """The store of a finished study of a Python function."""
+    pytest.importorskip("zarr")
+    run_study(plain_study(repeats=2), folder / "study.zarr", progress=False)
+    return folder / "study.zarr"
