@@ -40,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     _fit(commands)
     _frf(commands)
     _simulate(commands)
+    _study(commands)
     _effects(commands)
     _explain(commands)
     _demo(commands)
@@ -186,6 +187,45 @@ def _simulate(commands: Any) -> None:
         help="where t, u, measured and simulated x go, CSV",
     )
     _case_options(command)
+
+
+def _study(commands: Any) -> None:
+    command = _command(
+        commands,
+        "study",
+        "run a Monte Carlo study or a sweep of simulated machines",
+        "Compute every case of a design file, and write the results as a Zarr store. A run that was stopped goes on "
+        "with --resume: nothing is computed twice.",
+        "frictionjax study --example > design.toml",
+        "frictionjax study design.toml --out study.zarr --workers 2",
+        "frictionjax study design.toml --out study.zarr --dask tcp://host:8786 --resume",
+    )
+    command.add_argument(
+        "design", nargs="?", type=Path, metavar="DESIGN", help="the design file, design.toml"
+    )
+    command.add_argument("--out", type=Path, metavar="STORE", help="the folder that becomes the store")
+    command.add_argument("--example", action="store_true", help="print a design file with every key")
+    command.add_argument("--resume", action="store_true", help="go on where an earlier run was stopped")
+    command.add_argument(
+        "--workers", type=_count, metavar="N", help="processes on this machine (default: one)"
+    )
+    command.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler whose workers compute")
+    command.add_argument(
+        "--chunk",
+        type=_count,
+        metavar="N",
+        help="cases that a worker is given at a time (default: as many as take five seconds)",
+    )
+
+
+def _count(text: str) -> int:
+    try:
+        found = int(text)
+    except ValueError:
+        found = 0
+    if found < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return found
 
 
 def _effects(commands: Any) -> None:

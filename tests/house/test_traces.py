@@ -14,7 +14,7 @@ from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
-from helpers_studies import kept_study, scaled_study
+from helpers_studies import kept_study, run_scaled
 from helpers_traces import columns, loaded, programs, recordings, saved_diagnosis, start
 from scipy.signal import lfilter
 
@@ -101,12 +101,6 @@ def _best_linear_approximation(k) -> Call:
         return found, found.frf(), found.nonlinear_variance, found.odd.p_value, found.even.distortion
 
     return call
-
-
-def _run_study(k) -> Call:
-    """Other values, more of them, and another seed."""
-    study = scaled_study([1.0 + k, *range(3, 5 + k)], repeats=3 + k, seed=k)
-    return lambda: api.run_study(study, devices=jax.local_devices()[:1], progress=False)["value"].values
 
 
 def _prbs(k) -> Call:
@@ -271,7 +265,7 @@ TRACED = (
     Traced("excitation.presliding_loop", _presliding_loop),
     Traced("excitation.point_to_point", _point_to_point),
     Traced("level_sweep", _level_sweep, ("numbers",)),
-    Traced("run_study", _run_study),
+    Traced("run_study", run_scaled),
     Traced("compare_estimators", _compare_estimators, slow=True),
     Traced("fit", _fit, ("numbers", "names", "lengths", "sample_rate")),
     Traced("fit", _fit_with_an_effect, ("numbers_with_effect", "scale_of_effect"), slow=True),

@@ -86,11 +86,12 @@ def scaled(key, gain):
     return {"value": gain * jax.random.normal(key)}
 
 
-def scaled_study(gains, **how):
-    """Cases of `scaled`, four side by side."""
+def run_scaled(k):
+    """A call that runs a study of `scaled`; another `k`: other values, more of them, and another seed."""
     pytest.importorskip("zarr")
-    design = Factorial(Axis("gain", gains), repeats=how.pop("repeats"))
-    return Study(design, CompiledTask(scaled, lanes=4), **how)
+    design = Factorial(Axis("gain", [1.0 + k, *range(3, 5 + k)]), repeats=3 + k)
+    study = Study(design, CompiledTask(scaled, lanes=4), seed=k)
+    return lambda: run_study(study, devices=jax.local_devices()[:1], progress=False)["value"].values
 
 
 def kept_study(folder):
