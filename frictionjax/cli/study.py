@@ -26,7 +26,7 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     if arguments.design is None or arguments.out is None:
         raise InputError(
             "a study needs a design file and `--out`",
-            cure="`frictionjax study --example > design.toml` writes one, for `frictionjax study design.toml --out DIR`",
+            cure="`frictionjax study --example > design.toml` writes one",
         )
     asked = study_of(arguments.design)
     parts = arguments.out.with_name(f"{arguments.out.name}.parts")
@@ -54,7 +54,7 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     say(
         [
             f"{found['failed'].size:,} cases ({sizes}), {failed:,} of them failed.",
-            f"Results: {', '.join(map(str, found.data_vars))}.",
+            f"Results: {', '.join(sorted(map(str, found.data_vars)))}.",
             "",
             f"Written: {arguments.out}",
         ]
