@@ -217,6 +217,7 @@ def _experiments(file: _File, tables: Any) -> "list[Experiment]":
 
 
 def _machine(file: _File, tables: dict[str, Any]) -> "Drive":
+    from frictionjax.core import InputError
     from frictionjax.diagnosis.intake.own_model import own_model
     from frictionjax.physics import Drive, LuGre
     from frictionjax.recordings import Case, Plant
@@ -225,7 +226,10 @@ def _machine(file: _File, tables: dict[str, Any]) -> "Drive":
     table = dict(file.table(tables, "machine"))
     file.keys("machine", table)
     constant = table.pop("motor_constant", 1.0)
-    model = own_model(Case("machine", Plant(), (), parse_model(table, None)))
+    try:
+        model = own_model(Case("machine", Plant(), (), parse_model(table, None)))
+    except InputError as error:  # it speaks of the [model] of a case
+        raise InputError(error.problem, file=file.path, place="[machine]", cure=error.cure) from error
     needed = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
     if missing := [name for name in needed if name not in model.values]:
         file.fail(f"`{missing[0]}` has no value", "[machine] parameters", f"Give all of: {', '.join(needed)}")
