@@ -18,6 +18,7 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax study`."""
     from frictionjax.core import InputError
     from frictionjax.studies import run_study
+    from frictionjax.studies.dispatch import WorkersLost
 
     if arguments.example:
         terminal.close()
@@ -42,11 +43,7 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
             found = run_study(
                 asked, arguments.out, executor, chunk=arguments.chunk, progress=_progress(terminal)
             )
-    except ImportError as error:
-        raise InputError(str(error)) from error
-    except RuntimeError as error:
-        if isinstance(error, NotImplementedError | RecursionError):
-            raise
+    except (ImportError, WorkersLost) as error:  # sentences both
         raise InputError(str(error)) from error
     terminal.close()
     failed = int(found["failed"].sum())

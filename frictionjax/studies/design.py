@@ -208,7 +208,8 @@ class SobolDesign(AbstractDesign):
         """The values of the sequence."""
         # The name of the argument differs between versions of scipy.
         seed = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
-        sequence = qmc.Sobol(len(self.axes), scramble=True, **{seed: self.design_seed})
+        random: dict[str, Any] = {seed: self.design_seed}
+        sequence = qmc.Sobol(len(self.axes), scramble=True, **random)
         return _table(self.axes, sequence.random_base2(max(self.cases - 1, 1).bit_length())[: self.cases])
 
 

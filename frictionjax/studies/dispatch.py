@@ -104,7 +104,7 @@ def in_turn(chunks: Chunks, compute: Callable[[Numbers], Done]) -> Iterator[Done
 
 
 class WorkersLost(RuntimeError):
-    """The workers of one chunk were lost twice."""
+    """Workers were lost, and the study cannot go on; its text says what is finished and how to go on."""
 
 
 class Lost(NamedTuple):

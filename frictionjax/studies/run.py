@@ -70,7 +70,7 @@ def run_study(
 
     **Raises:** `InputError` where the store belongs to another study or another run is writing it, where it cannot be
         written, or the executor copies this process by `fork`; `StudyStopped`, a `KeyboardInterrupt`, when interrupted;
-        `RuntimeError` where workers were lost; `ImportError` where xarray or zarr is missing.
+        `WorkersLost`, a `RuntimeError`, where workers were lost; `ImportError` where xarray or zarr is missing.
     """
     if not isinstance(study, Study):
         raise InputError(
@@ -125,12 +125,12 @@ class _Run:
             raise StudyStopped(_how_to_go_on("The study was stopped", place)) from interrupt
         except BrokenExecutor as error:
             text = _how_to_go_on(f"A worker was lost, and the executor has ended ({error})", place)
-            raise RuntimeError(text) from error
+            raise WorkersLost(text) from error
         except WorkersLost as error:
             text = _how_to_go_on(f"Workers were lost twice at the same cases ({error})", place)
-            raise RuntimeError(text) from error
+            raise WorkersLost(text) from error
         if place is not None and not (finished := place.done()).all():
-            raise RuntimeError(
+            raise WorkersLost(
                 f"{int((~finished).sum())} cases were computed and are not in {place.parts}: let all workers see that "
                 "folder under the same path."
             )

@@ -101,7 +101,7 @@ class Blocks:
 
     def places(self, numbers: Int[np.ndarray, " k"]) -> Int[np.ndarray, " n"]:
         """The cases of the blocks with these `numbers`, shape `(k,)`, by their places in the design, shape `(n,)`."""
-        parts = [np.arange(self._edges[number], self._edges[number + 1]) for number in numbers]
+        parts = [np.arange(int(self._edges[k]), int(self._edges[k + 1])) for k in numbers]
         places = np.concatenate(parts) if parts else np.zeros(0, int)
         return places if self._order is None else self._order[places]
 

@@ -3,10 +3,13 @@
 import jax
 import numpy as np
 import pytest
+from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
 from helpers_plants import TABLE_I
 
 import frictionjax as fj
 from frictionjax import Axis, Experiment, Factorial, FitTask, InputError, ResponseTask, SimulationTask, Study
+from frictionjax.core import FrictionjaxWarning
+from frictionjax.studies import fit_tasks
 from frictionjax.studies.experiment import changed_drive, places_of
 
 pytest.importorskip("zarr")
@@ -48,6 +51,29 @@ def test_a_response_is_fitted_as_fit_sk_does():
     assert float(last["stiffness"]) == pytest.approx(own.stiffness.value, rel=0.01)
     assert float(last["damping"]) == pytest.approx(own.damping.value, rel=0.02)
     assert float(last["inertia"]) == pytest.approx(own.J.value, rel=0.02)
+
+
+def test_a_diagnosis_gives_its_verdict_and_its_names(monkeypatch):
+    asked = []
+
+    def diagnose(case, *, progress):
+        asked.append(case)
+        if len(asked) == 2:
+            raise InputError("nothing moves", cure="Excite more")
+        return (fake_diagnosis if len(asked) == 1 else adequate_diagnosis)(n=50)
+
+    monkeypatch.setattr(fit_tasks, "diagnose", diagnose)
+    held = Experiment(samples=256, bandwidth=300.0, role="holdout")
+    task = fj.DiagnosisTask(TABLE_I, (SHORT, held))
+    with pytest.warns(FrictionjaxWarning, match="1 of 3 cases failed; the first: nothing moves"):
+        found = fj.run_study(Study(Factorial(Axis("encoder_step", [1e-9]), repeats=3), task), progress=False)
+    assert list(found["verdict"].values[0]) == ["named", "", "adequate"]
+    assert list(found["named"].values[0]) == ["maxwell_slip", "", ""]
+    assert found["confidence"].values[0, 0] == 0.98 and np.isnan(found["p_value"].values[0, 2])
+    assert [recording.role for recording in asked[0].recordings] == ["fit", "holdout"]
+    assert asked[0].plant.encoder_step == 1e-9 and asked[0].plant.motor_constant == 1.0
+    x = asked[0].recordings[0].x
+    np.testing.assert_allclose(x / 1e-9, np.round(x / 1e-9), atol=1e-6)
 
 
 @pytest.mark.slow
