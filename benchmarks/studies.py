@@ -74,9 +74,9 @@ def on_processes(study: fj.Study, few: fj.Study, workers: int, chunk: int | None
 
 def measure(*, small: bool = False) -> list[dict]:
     """The rows; `small`: few draws."""
-    draws, fits, large = (256, 8, (512, 1024)) if small else (20_000, 400, (10_000, 100_000))
+    draws, fits, large = (128, 4, (128, 256)) if small else (20_000, 400, (10_000, 100_000))
     workers = min(2, CORES)
-    few, study = responses(256), responses(draws)
+    few, study = responses(128), responses(draws)
     alone(few)  # compiles
     bare = min(alone(study) for _ in range(3))
     chunk = max(64, int(draws / bare) // 64 * 64)  # about a second
@@ -90,9 +90,9 @@ def measure(*, small: bool = False) -> list[dict]:
         row("with a store and one other process: overhead", far, "%", "below 5", far < 5.0),
         row(f"{workers} processes against one", one / both, "x", "at least 1.8", one > 1.8 * both),
     ]
-    few, study = refits(8), refits(fits)
-    one = on_processes(study, few, 1, fits // 8)
-    both = on_processes(study, few, workers, fits // (8 * workers))
+    few, study = refits(4), refits(fits)
+    one = on_processes(study, few, 1, max(4, fits // 8))
+    both = on_processes(study, few, workers, max(4, fits // (8 * workers)))
     rows += [
         row("refits of a break-away, one process", fits / one, "1/s"),
         row(f"refits, {workers} processes", fits / both, "1/s"),
@@ -128,7 +128,7 @@ def main() -> None:
     """So many draws in this process."""
     fj.configure_jax()
     draws, folder = int(sys.argv[1]), Path(sys.argv[2])
-    seconds_of(responses(256))
+    seconds_of(responses(128))
     start = time.perf_counter()
     fj.run_study(responses(draws), folder / "s.zarr", devices=jax.local_devices()[:1], progress=False)
     seconds = time.perf_counter() - start

@@ -60,7 +60,7 @@ def test_a_diagnosis_gives_its_verdict_and_its_names(monkeypatch):
         asked.append(case)
         if len(asked) == 2:
             raise InputError("nothing moves", cure="Excite more")
-        return (fake_diagnosis if len(asked) == 1 else adequate_diagnosis)(n=50)
+        return fake_diagnosis(n=50) if len(asked) == 1 else adequate_diagnosis()
 
     monkeypatch.setattr(fit_tasks, "diagnose", diagnose)
     held = Experiment(samples=256, bandwidth=300.0, role="holdout")
