@@ -74,7 +74,7 @@ def on_processes(study: fj.Study, few: fj.Study, workers: int, chunk: int | None
 
 def measure(*, small: bool = False) -> list[dict]:
     """The rows; `small`: few draws."""
-    draws, fits, large = (128, 4, (128, 256)) if small else (20_000, 400, (10_000, 100_000))
+    draws, fits, large = (128, 4, (128, 256)) if small else (20_000, 160, (10_000, 100_000))
     workers = min(2, CORES)
     few, study = responses(128), responses(draws)
     alone(few)  # compiles
