@@ -3,8 +3,8 @@
     python -m benchmarks [NAME ...] [--small] [--keep FOLDER]
 
 NAME: one or more of `accuracy`, `simulation`, `solvers`, `parallel_in_time`, `lanes`, `flags`, `simulation_gpu`,
-`compile_time`, `compile_time_diagnose`, `estimation_study`, `estimation_refit`, `estimation_plants`; all if none is
-given.
+`compile_time`, `compile_time_diagnose`, `estimation_study`, `estimation_refit`, `estimation_plants`, `studies`;
+all if none is given.
 """
 
 import argparse
@@ -33,6 +33,7 @@ NAMES = (
     "estimation_study",
     "estimation_refit",
     "estimation_plants",
+    "studies",
 )
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"

@@ -71,26 +71,43 @@ from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
 from frictionjax.simulation import simulate_imposed as simulate_imposed
-from frictionjax.studies import Design as Design
+from frictionjax.studies import Axis as Axis
+from frictionjax.studies import CompiledTask as CompiledTask
+from frictionjax.studies import DiagnosisTask as DiagnosisTask
+from frictionjax.studies import Experiment as Experiment
+from frictionjax.studies import Factorial as Factorial
+from frictionjax.studies import FitTask as FitTask
+from frictionjax.studies import PythonTask as PythonTask
+from frictionjax.studies import RandomDesign as RandomDesign
+from frictionjax.studies import ResponseTask as ResponseTask
+from frictionjax.studies import SimulationTask as SimulationTask
+from frictionjax.studies import SobolDesign as SobolDesign
 from frictionjax.studies import Study as Study
 from frictionjax.studies import compare_estimators as compare_estimators
 from frictionjax.studies import level_sweep as level_sweep
+from frictionjax.studies import load_study as load_study
 from frictionjax.studies import run_study as run_study
+from frictionjax.studies import summarise as summarise
 
 __all__ = [
     "BLA",
     "FRF",
+    "Axis",
     "Bootstrap",
     "Case",
     "Cauchy",
-    "Design",
+    "CompiledTask",
     "DesignedMultisine",
     "Diagnosis",
+    "DiagnosisTask",
     "Discrimination",
     "Drive",
     "Effort",
     "Estimate",
+    "Experiment",
+    "Factorial",
     "FitResult",
+    "FitTask",
     "FrictionjaxWarning",
     "Gaussian",
     "Given",
@@ -107,11 +124,16 @@ __all__ = [
     "Plant",
     "PrecisionError",
     "Profile",
+    "PythonTask",
+    "RandomDesign",
     "Ranking",
     "Recording",
     "Replicas",
     "Resonances",
+    "ResponseTask",
     "Rule",
+    "SimulationTask",
+    "SobolDesign",
     "Study",
     "Trajectory",
     "ZeroAmplitude",
@@ -139,6 +161,7 @@ __all__ = [
     "load_case",
     "load_diagnosis",
     "load_fit",
+    "load_study",
     "mujoco_joint",
     "optimise_multisine",
     "plot",
@@ -153,5 +176,6 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_imposed",
+    "summarise",
     "urdf_dynamics",
 ]

@@ -36,6 +36,11 @@ COMPILED_PLAINLY = (
     "tests/house/test_traces.py",
     "tests/physics",
     "tests/simulation",
+    "tests/studies/test_machine_tasks.py",
+    "tests/studies/test_run.py",
+    "tests/studies/test_store.py",
+    "tests/studies/test_workers.py",
+    "tests/test_study_command.py",
 )
 """Files and folders whose programs run for a moment and take long to compile: they are compiled with few optimisations,
 which takes half of the time. With `--slow` they, too, are compiled as for a user."""

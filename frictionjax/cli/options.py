@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from frictionjax import __version__
+from frictionjax.cli.case_options import case_options
 
 _DESCRIPTION = (
     "Friction identification: where a machine differs from its model, which physics is missing, "
@@ -16,7 +17,6 @@ _FIRST_STEPS = """first steps:
   frictionjax diagnose run.csv --out result               name what is missing
   frictionjax case new run1.csv run2.csv > case.toml      write down what the files cannot say
 """
-_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -40,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     _fit(commands)
     _frf(commands)
     _simulate(commands)
+    _study(commands)
     _effects(commands)
     _explain(commands)
     _demo(commands)
@@ -69,7 +70,7 @@ def _diagnose(commands: Any) -> None:
         "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
     )
     _json(command, "verdict.json")
-    _case_options(command)
+    case_options(command)
 
 
 def _check(commands: Any) -> None:
@@ -91,7 +92,7 @@ def _check(commands: Any) -> None:
         help="where the recordings are drawn, as PNG (default: %(default)s)",
     )
     _json(command, "what is printed")
-    _case_options(command)
+    case_options(command)
 
 
 def _case(commands: Any) -> None:
@@ -110,7 +111,7 @@ def _case(commands: Any) -> None:
     new.add_argument(
         "--out", type=Path, metavar="FILE", help="write it there, unless it exists, and not to stdout"
     )
-    _case_options(new)
+    case_options(new)
 
 
 def _fit(commands: Any) -> None:
@@ -133,7 +134,7 @@ def _fit(commands: Any) -> None:
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="also write the result there, as JSON")
     _json(command, "the fit")
-    _case_options(command)
+    case_options(command)
 
 
 def _frf(commands: Any) -> None:
@@ -162,7 +163,7 @@ def _frf(commands: Any) -> None:
         "--out", type=Path, metavar="FILE", help="write frequency, response and coherence there, CSV"
     )
     _json(command, "the fitted system")
-    _case_options(command)
+    case_options(command)
 
 
 def _simulate(commands: Any) -> None:
@@ -185,7 +186,46 @@ def _simulate(commands: Any) -> None:
         metavar="FILE",
         help="where t, u, measured and simulated x go, CSV",
     )
-    _case_options(command)
+    case_options(command)
+
+
+def _study(commands: Any) -> None:
+    command = _command(
+        commands,
+        "study",
+        "run a Monte Carlo study or a sweep of simulated machines",
+        "Compute every case of a design file, and write the results as a Zarr store. A run that was stopped goes on "
+        "with --resume: nothing is computed twice.",
+        "frictionjax study --example > design.toml",
+        "frictionjax study design.toml --out study.zarr --workers 2",
+        "frictionjax study design.toml --out study.zarr --dask tcp://host:8786 --resume",
+    )
+    command.add_argument(
+        "design", nargs="?", type=Path, metavar="DESIGN", help="the design file, design.toml"
+    )
+    command.add_argument("--out", type=Path, metavar="STORE", help="the folder that becomes the store")
+    command.add_argument("--example", action="store_true", help="print a design file with every key")
+    command.add_argument("--resume", action="store_true", help="go on where an earlier run was stopped")
+    command.add_argument(
+        "--workers", type=_count, metavar="N", help="processes on this machine (default: one)"
+    )
+    command.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler whose workers compute")
+    command.add_argument(
+        "--chunk",
+        type=_count,
+        metavar="N",
+        help="cases that a worker is given at a time (default: as many as take five seconds)",
+    )
+
+
+def _count(text: str) -> int:
+    try:
+        found = int(text)
+    except ValueError:
+        found = 0
+    if found < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return found
 
 
 def _effects(commands: Any) -> None:
@@ -273,112 +313,3 @@ def _json(command: argparse.ArgumentParser, what: str) -> None:
     command.add_argument(
         "--json", action="store_true", help=f"print {what} as JSON on stdout, and nothing else"
     )
-
-
-def _case_options(command: argparse.ArgumentParser) -> None:
-    """What may be read, and the keys of a case file as options."""
-    command.add_argument(
-        "--allow-outside", action="store_true", help="let the case file name recordings outside of its folder"
-    )
-    command.add_argument(
-        "--limit", type=float, metavar="GB", help="the most that is read of one file, unpacked (default: 0.5)"
-    )
-    group = command.add_argument_group(
-        "for recordings without a case file (which sets these itself)",
-        f"Roles of columns are {_ROLES}. One option may carry several values; end them with another option, or "
-        "write the files first.",
-    )
-    group.add_argument(
-        "--holdout",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="RECORDING",
-        help="held-out recordings, which judge the result (by default, the last third of a single recording)",
-    )
-    group.add_argument("--name", metavar="TEXT", help="name of the case (default: that of the first file)")
-    group.add_argument(
-        "--motor-constant", type=float, metavar="KM", help="force or torque per input unit, when known"
-    )
-    group.add_argument(
-        "--inertia", type=float, metavar="J", help="known inertia or mass (default: identified)"
-    )
-    group.add_argument(
-        "--encoder-step", type=float, metavar="STEP", help="quantum of the position sensor, position units"
-    )
-    for quantity in ("position", "force", "input"):
-        group.add_argument(
-            f"--{quantity}-unit",
-            metavar="UNIT",
-            help=f"unit of {quantity} in the result, such as {_UNITS[quantity]} (default: SI, where a column says its)",
-        )
-    group.add_argument(
-        "--sample-rate", type=float, metavar="HZ", help="needed when files have no time column"
-    )
-    _pairs(group, "--columns", "COLUMN", str, "the column of each role, by its header or its number")
-    _pairs(
-        group,
-        "--unit",
-        "UNIT",
-        str,
-        "the unit of a column, where its header does not say it: t=ms x=deg u=mA",
-    )
-    _pairs(
-        group, "--scale", "FACTOR", float, "factors that columns are multiplied by to reach the units: u=-1"
-    )
-    group.add_argument(
-        "--loop",
-        choices=("open", "closed"),
-        help="closed: the input answers to the measured position (default: open)",
-    )
-    group.add_argument(
-        "--drive",
-        choices=("force", "motion"),
-        help="force: the input is applied; motion: the position is imposed, the force is measured (default: force)",
-    )
-    group.add_argument(
-        "--start-time",
-        nargs="+",
-        type=float,
-        metavar="S",
-        help="s since power-on of the first sample: one, or one for each file in order, held-out files last",
-    )
-    group.add_argument(
-        "--interval",
-        nargs="+",
-        type=_interval,
-        metavar="FROM:TO",
-        help="the part to use, s of the file's own time: one, or one for each file in order, held-out files last",
-    )
-
-
-_UNITS = {"position": "rad", "force": "N*m", "input": "V"}
-
-
-def _pairs(group: Any, option: str, value: str, kind: type, meaning: str) -> None:
-    def pair(text: str) -> tuple[str, Any]:
-        role, sign, given = text.partition("=")
-        if not sign or not role.strip() or not given.strip():
-            problem = f"{text!r} is not ROLE={value}, such as {_EXAMPLES[option]}"
-            raise argparse.ArgumentTypeError(f"{problem}; files stand before the options")
-        try:
-            return role.strip(), kind(given)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{given!r} in {text!r} is not a number") from None
-
-    group.add_argument(option, nargs="+", action="extend", type=pair, metavar=f"ROLE={value}", help=meaning)
-
-
-_EXAMPLES = {"--columns": "x=Position", "--unit": "x=mm", "--scale": "u=-1"}
-
-
-def _interval(text: str) -> tuple[float, float]:
-    first, sign, last = text.partition(":")
-    try:
-        if not sign:
-            raise ValueError
-        return float(first), float(last)
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not FROM:TO, such as 0:12.5; files stand before the options"
-        ) from None

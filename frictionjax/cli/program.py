@@ -34,8 +34,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _run(arguments, terminal)
     except KeyboardInterrupt as interrupt:
         terminal.close()
-        asked = isinstance(interrupt, _AskedToEnd)
-        terminal.line(f"frictionjax: {'asked to end' if asked else 'interrupted'}")
+        causes = (interrupt, interrupt.__cause__)  # of a study, which says what is finished
+        asked = any(isinstance(cause, _AskedToEnd) for cause in causes)
+        more = f": {interrupt}" if str(interrupt) else ""
+        terminal.line(f"frictionjax: {'asked to end' if asked else 'interrupted'}{more}")
         return 143 if asked else 130
 
 
@@ -73,7 +75,7 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
     # of the time of a diagnosis.
     gc.set_threshold(100_000, 50, 100)
 
-    from frictionjax.cli import compute, look, work
+    from frictionjax.cli import compute, look, study, work
     from frictionjax.core import FrictionjaxWarning, InputError
 
     commands = {
@@ -87,6 +89,7 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
         "fit": compute.fit,
         "frf": compute.frf,
         "simulate": compute.simulate,
+        "study": study.study,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("always", FrictionjaxWarning)

@@ -1,11 +1,15 @@
 """Results as tables of pandas and data sets of xarray, which are loaded when they are asked for."""
 
+import importlib.util
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from frictionjax.core.estimate import Estimate
+from frictionjax.core.files import to_disk
 
 _EXTRA = "frames"
 
@@ -51,14 +55,57 @@ def to_xarray(
     """
     values = {name: (tuple(dims), _plain(array)) for name, (dims, array) in arrays.items()}
     places = {name: _plain(array) for name, array in coordinates.items()}
-    try:
-        import xarray  # pyright: ignore[reportMissingImports]
-    except ModuleNotFoundError as error:
-        raise _missing("xarray", "to_xarray", error) from error
-    dataset = xarray.Dataset(values, coords=places, attrs=about)
+    dataset = _xarray("to_xarray", _EXTRA).Dataset(values, coords=places, attrs=about)
     for name, unit in (units or {}).items():
         dataset[name].attrs["units"] = unit
     return dataset
+
+
+def write_zarr(dataset: Any, folder: Path) -> None:
+    """Write the xarray `dataset` into a new `folder`, as a store of Zarr's format 3, and wait until it is on the disk.
+
+    **Raises:** `ImportError` where zarr is missing, with the command that installs it; `OSError` where it cannot be
+        written.
+    """
+    require_studies("write_zarr")
+    # Zarr's third format knows no metadata of several arrays in one place.
+    dataset.to_zarr(folder, mode="w-", zarr_format=3, consolidated=False)
+    for path in (*folder.rglob("*"), folder):
+        to_disk(path)
+
+
+def read_zarr(folder: Path) -> Any:
+    """The xarray `Dataset` in the `folder`, a store of Zarr's format 3; arrays are read when they are asked for.
+
+    **Raises:** `ImportError` where zarr is missing, with the command that installs it; `OSError` or `ValueError` where
+        the folder is no such store.
+    """
+    return require_studies("read_zarr").open_zarr(folder, zarr_format=3, consolidated=False, chunks=None)
+
+
+def require_studies(verb: str) -> Any:
+    """The module xarray, where zarr is installed, too, for the `verb` that needs both.
+
+    **Raises:** `ImportError` where one is missing, with the command that installs it.
+    """
+    if importlib.util.find_spec("zarr") is None:
+        raise _missing("zarr", verb, ModuleNotFoundError("it is not installed"), "studies")
+    return _xarray(verb, "studies")
+
+
+def is_dataset(value: Any) -> bool:
+    """Whether `value` is an xarray `Dataset`; xarray is not loaded for the question."""
+    known = sys.modules.get("xarray")
+    return known is not None and isinstance(value, known.Dataset)
+
+
+def _xarray(verb: str, extra: str) -> Any:
+    """The module xarray, for the `verb`; where it is missing, the `extra` is named."""
+    try:
+        import xarray  # pyright: ignore[reportMissingImports]
+    except ModuleNotFoundError as error:
+        raise _missing("xarray", verb, error, extra) from error
+    return xarray
 
 
 def records(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
@@ -81,9 +128,9 @@ def _plain(values: Any) -> Any:
     return np.asarray(values) if hasattr(values, "__array__") else values
 
 
-def _missing(library: str, verb: str, error: ModuleNotFoundError) -> ImportError:
-    """What to raise for the `error` that `library` cannot be loaded, which `verb` needs."""
+def _missing(library: str, verb: str, error: ModuleNotFoundError, extra: str = _EXTRA) -> ImportError:
+    """What to raise for the `error` that `library` of the `extra` cannot be loaded, which `verb` needs."""
     return ImportError(
-        f"`{verb}` needs {library}, which cannot be loaded ({error}): python -m pip install 'frictionjax[{_EXTRA}]'.",
+        f"`{verb}` needs {library}, which cannot be loaded ({error}): python -m pip install 'frictionjax[{extra}]'.",
         name=library,
     )

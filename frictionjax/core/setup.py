@@ -3,13 +3,16 @@
 """
 
 import ctypes
+import functools
 import hashlib
 import os
 import platform
+import socket
 import subprocess
 import warnings
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 from platformdirs import user_cache_path
@@ -174,6 +177,68 @@ def programs_folder() -> Path | None:
     except OSError:
         return None
     return folder if _is_own(folder) else None
+
+
+class JaxSettings(NamedTuple):
+    """What a process that works for another must have in common with it, so that its numbers are the same.
+
+    **Attributes:**
+
+    - `process`: host and number of the process that they are those of.
+    - `x64`: whether JAX computes in float64.
+    - `plainly`: whether it compiles with few optimisations.
+    - `precision`: of matrix products, as JAX has it.
+    - `flags`: XLA_FLAGS.
+    - `platform`: processor and jaxlib, for which programs are compiled.
+    - `compiled`: where compiled programs are kept; None: nowhere.
+    """
+
+    process: tuple[str, int]
+    x64: bool
+    plainly: bool
+    precision: str | None
+    flags: str
+    platform: str
+    compiled: str | None
+
+
+def jax_settings() -> JaxSettings:
+    """Those of this process."""
+    return JaxSettings(
+        _this_process(),
+        bool(getattr(jax.config, "jax_enable_x64", False)),
+        bool(getattr(jax.config, "jax_disable_most_optimizations", False)),
+        getattr(jax.config, "jax_default_matmul_precision", None),
+        os.environ.get("XLA_FLAGS", ""),
+        _platform_folder(),
+        getattr(jax.config, "jax_compilation_cache_dir", None),
+    )
+
+
+def work_as(settings: JaxSettings) -> None:
+    """Set JAX up in a process that works for another, as the `settings` of that one are, before it computes anything.
+
+    Compiled programs are kept, and where both have one kind of processor, shared: otherwise every process would compile
+    them again. In the process that the settings are those of, nothing happens.
+    """
+    if settings.process != _this_process():
+        _work_as(settings)
+
+
+@functools.lru_cache(maxsize=1)
+def _work_as(settings: JaxSettings) -> None:
+    os.environ["XLA_FLAGS"] = settings.flags
+    jax.config.update("jax_enable_x64", settings.x64)
+    jax.config.update("jax_disable_most_optimizations", settings.plainly)
+    jax.config.update("jax_default_matmul_precision", settings.precision)
+    if settings.compiled is not None and settings.platform == _platform_folder():
+        jax.config.update("jax_compilation_cache_dir", settings.compiled)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    keep_compiled()
+
+
+def _this_process() -> tuple[str, int]:
+    return socket.gethostname(), os.getpid()
 
 
 # Options of glibc's `mallopt` by number, and their values: no memory is returned to the system, and all but the largest

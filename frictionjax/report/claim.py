@@ -1,6 +1,5 @@
 """One writer for an output folder: others are refused before they begin, and what a killed one left is put right."""
 
-import errno
 import hashlib
 import os
 import shutil
@@ -13,14 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionjax.core import FrictionjaxWarning, InputError
+from frictionjax.core.files import take_lock
 from frictionjax.report.replace import CURE, finish
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None
-
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 class Claim(NamedTuple):
@@ -117,27 +110,15 @@ def _locked(staging: Path, target: Path) -> int:
         if hasattr(os, "getuid") and (staging.is_symlink() or found.st_uid != os.getuid()):
             raise InputError("is in the way, and belongs to another user", file=staging, cure=CURE)
         try:
-            lock = os.open(staging / "lock", os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
-        except FileNotFoundError:  # its last owner has just removed it
+            return take_lock(staging / "lock")
+        except FileNotFoundError:  # its last owner has just removed the folder
             continue
-        try:
-            if fcntl is not None:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            os.close(lock)
             raise InputError(
                 "another run is writing into this directory",
                 file=target,
                 cure="Wait until it has ended, or choose another output directory",
             ) from None
-        except OSError as error:
-            if error.errno not in _NO_LOCKS:
-                os.close(lock)
-                raise
-        with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(lock), (staging / "lock").stat()):
-                return lock
-        os.close(lock)
 
 
 def _put_right(target: Path, staging: Path) -> None:

@@ -1,10 +1,25 @@
-"""Monte Carlo and sweeps: a function over a design, the level sweep, and the comparison of estimators."""
+"""Monte Carlo studies and sweeps: designs, tasks, running and resuming them, summaries; the level sweep, and the
+comparison of estimators."""
 
+from frictionjax.studies.axes import Axis as Axis
+from frictionjax.studies.design import AbstractDesign as AbstractDesign
+from frictionjax.studies.design import Factorial as Factorial
+from frictionjax.studies.design import RandomDesign as RandomDesign
+from frictionjax.studies.design import SobolDesign as SobolDesign
 from frictionjax.studies.estimator_comparison import EstimatorComparison as EstimatorComparison
 from frictionjax.studies.estimator_comparison import compare_estimators as compare_estimators
+from frictionjax.studies.experiment import Experiment as Experiment
+from frictionjax.studies.fit_tasks import DiagnosisTask as DiagnosisTask
+from frictionjax.studies.fit_tasks import FitTask as FitTask
 from frictionjax.studies.level_sweep import LevelSweep as LevelSweep
 from frictionjax.studies.level_sweep import level_sweep as level_sweep
-from frictionjax.studies.run import Design as Design
-from frictionjax.studies.run import Study as Study
-from frictionjax.studies.run import grid as grid
+from frictionjax.studies.machine_tasks import ResponseTask as ResponseTask
+from frictionjax.studies.machine_tasks import SimulationTask as SimulationTask
+from frictionjax.studies.run import StudyStopped as StudyStopped
 from frictionjax.studies.run import run_study as run_study
+from frictionjax.studies.store import load_study as load_study
+from frictionjax.studies.study import Study as Study
+from frictionjax.studies.summary import summarise as summarise
+from frictionjax.studies.task import AbstractTask as AbstractTask
+from frictionjax.studies.task import CompiledTask as CompiledTask
+from frictionjax.studies.task import PythonTask as PythonTask

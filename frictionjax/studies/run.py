@@ -1,254 +1,212 @@
-"""`run_study`: a function over a design of cases and seeds, on any executor, resumed from what is on disk."""
+"""`run_study`: compute the cases of a study, wherever and with however many interruptions."""
 
-import itertools
-import json
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor, as_completed
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
+import jax
+import numpy as np
 
-from frictionjax.core import InputError, Progress, public_verb, reporting
-from frictionjax.core.display import AbstractDisplayed, Display, records_grid
-from frictionjax.core.frames import records, to_dataframe
-
-
-class Design(eqx.Module):
-    """What a study runs: `function(seed=seed, **case)` for every case and every seed.
-
-    The seeds are the same for all cases, so that cases are compared on the same random numbers.
-
-    **Attributes:**
-
-    - `function`: takes the entries of a case and an integer `seed` as keywords, and returns a mapping of names to
-        numbers. For a pool of processes it must stand at the top of a module.
-    - `cases`: mappings of names to numbers, texts, booleans or lists of these, one for each setting; see `grid`.
-    - `seeds`: how many times each case is run, with the seeds `seed`, `seed + 1`, ...
-    - `seed`: the first seed.
-    """
-
-    function: Callable[..., Mapping[str, Any]] = eqx.field(static=True)
-    cases: tuple[Mapping[str, Any], ...] = eqx.field(static=True, converter=tuple, default=({},))
-    seeds: int = eqx.field(static=True, default=1)
-    seed: int = eqx.field(static=True, default=0)
-
-
-class Study(AbstractDisplayed):
-    """The results of a study.
-
-    **Attributes:**
-
-    - `runs`: one mapping for each finished run, in the order of the design: the entries of its case, `seed`, and the
-        numbers that the function returned.
-    - `failures`: one mapping for each run that raised: its case, `seed`, and `error`, the sentence.
-    - `resumed`: how many of `runs` were read from disk instead of being run.
-    """
-
-    runs: tuple[Mapping[str, Any], ...] = eqx.field(static=True)
-    failures: tuple[Mapping[str, Any], ...] = eqx.field(static=True)
-    resumed: int = eqx.field(static=True)
-    _names: tuple[str, ...] = eqx.field(static=True)
-
-    def summary(self) -> list[dict[str, Any]]:
-        """One row for each case: its entries, `runs`, and of each number the mean, `_std` and `_stderr` over seeds.
-
-        Values that are not finite are left out of them; what cannot be computed is None.
-        """
-        groups: dict[str, list[Mapping[str, Any]]] = {}
-        for run in self.runs:
-            groups.setdefault(_text({name: run[name] for name in self._names if name in run}), []).append(run)
-        rows = []
-        for text, runs in groups.items():
-            row = {**json.loads(text), "runs": len(runs)}
-            for name in dict.fromkeys(name for run in runs for name in run):
-                if name in self._names or name == "seed":
-                    continue
-                values = [run[name] for run in runs if name in run and math.isfinite(run[name])]
-                n = len(values)
-                mean = math.fsum(values) / n if n else None
-                spread = (
-                    math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (n - 1))
-                    if mean is not None and n > 1
-                    else None
-                )
-                row[name] = mean
-                row[f"{name}_std"] = spread
-                row[f"{name}_stderr"] = spread / math.sqrt(n) if spread is not None else None
-            rows.append(row)
-        return rows
-
-    @property
-    def settings(self) -> tuple[str, ...]:
-        """The names of the entries of a case."""
-        return self._names
-
-    def _display(self) -> Display:
-        failed = (f"{len(self.failures)} runs failed: {self.failures[0]['error']}",) if self.failures else ()
-        title = f"Study of {len(self.runs)} runs, {self.resumed} of them read from disk"
-        return Display(title, failed, (records_grid(self.summary()),))
-
-    def plot(self, **how: Any) -> Any:
-        """Draw the mean of each number, with its standard error, over the first entry of the cases that varies:
-        `frictionjax.plot`, with `how` as there."""
-        return public_verb("plot")(self, **how)
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame with a row for each run."""
-        return to_dataframe(records(self.runs))
+from frictionjax.core import FrictionjaxWarning, InputError, Progress, reporting
+from frictionjax.core.frames import require_studies
+from frictionjax.core.setup import jax_settings
+from frictionjax.studies.dataset import dataset_of
+from frictionjax.studies.dispatch import (
+    Chunks,
+    Devices,
+    Lost,
+    Numbers,
+    Submits,
+    WorkersLost,
+    in_turn,
+    on_executor,
+    refuse_fork,
+    workers_of,
+)
+from frictionjax.studies.pace import Pace
+from frictionjax.studies.shards import Shard
+from frictionjax.studies.store import Store
+from frictionjax.studies.study import Blocks, Study, versions
+from frictionjax.studies.worker import Done, Order, compute, packed, work
 
 
-def grid(**axes: Iterable[Any]) -> tuple[dict[str, Any], ...]:
-    """Every combination of the values of `axes`, the last axis fastest: the cases of a full factorial design."""
-    return tuple(
-        dict(zip(axes, values, strict=True))
-        for values in itertools.product(*(tuple(axis) for axis in axes.values()))
-    )
+class StudyStopped(KeyboardInterrupt):
+    """A study was interrupted; its text says what is finished and how to go on."""
 
 
 def run_study(
-    design: Design,
-    executor: Executor | None = None,
+    study: Study,
+    store: str | Path | None = None,
+    executor: Submits | None = None,
     *,
-    out: str | Path | None = None,
     progress: Progress | bool = True,
-) -> Study:
-    """Run every case of `design` with every seed.
+    chunk: int | None = None,
+    devices: Sequence[Any] | None = None,
+) -> Any:
+    """Compute every case of a study.
 
-    A run that raises is kept as a failure, and the others go on. With `out`, each finished run is one line of that
-    file as soon as it is there; a study that was stopped, or whose design has grown, runs only what is missing.
-    Failures are not written, and are tried again.
+    With a `store`, what is finished survives whatever stops the run, and the same call goes on from there: nothing is
+    computed twice. Results are the same bit by bit on one kind of hardware, however the cases are distributed.
 
     **Arguments:**
 
-    - `design`: the `Design`.
-    - `executor`: any executor of `concurrent.futures`; by default the runs follow each other in this process. JAX does
-        not survive a fork: make a pool of processes with the "spawn" context.
-    - `out`: file of finished runs, JSON lines; made where it is not there.
-    - `progress`: called as runs finish; True: a bar on a terminal and in a notebook; False: nothing.
+    - `study`: the `Study`.
+    - `store`: folder that becomes a Zarr store (format 3); None: results are in memory only, and an interrupted run
+        loses them. Workers on other machines need the same path.
+    - `executor`: whose workers compute: anything with the `submit` of `concurrent.futures`, such as a pool of processes
+        with the "spawn" context, or `dask.distributed.Client.get_executor()`. None: this process, on `devices`.
+    - `progress`: called as cases are finished, with their rate and the time left; True: a bar on a terminal and in a
+        notebook; False: nothing.
+    - `chunk`: cases that a worker is given at a time, which are one file; by default as many as take about five
+        seconds, at most 5,000, and no more than 256 MB of results. A queue in which jobs wait wants longer ones.
+    - `devices`: of JAX, for a task that is compiled; None: all of this process.
 
-    **Returns:** the `Study`.
+    **Returns:**
 
-    **Raises:** `InputError` when a case cannot be written as JSON, has an entry `seed`, or a line of `out` cannot be
-        read; whatever the function raised, when every run fails.
+    An xarray `Dataset`: results over the dimensions of the design, with units and coordinates; `failed` and `reason`
+    say which cases failed and why; the attribute `study` holds design, task, seed and versions.
+
+    **Raises:** `InputError` where the store belongs to another study or another run is writing it, where it cannot be
+        written, or the executor copies this process by `fork`; `StudyStopped`, a `KeyboardInterrupt`, when interrupted;
+        `WorkersLost`, a `RuntimeError`, where workers were lost; `ImportError` where xarray or zarr is missing.
     """
-    plan = _plan(design)
-    done = _finished(Path(out)) if out is not None else {}
-    results = {key: done[key] for key in plan if key in done}
-    resumed, failures = len(results), {}
-    waiting = [key for key in plan if key not in results]
-    finished = _in_turn(design, plan, waiting) if executor is None else _on(executor, design, plan, waiting)
+    if not isinstance(study, Study):
+        raise InputError(
+            f"a {type(study).__name__} is no study", place="`study`", cure="Give Study(design, task)"
+        )
+    if executor is not None:
+        refuse_fork(executor)
+    if chunk is not None and chunk < 1:
+        raise InputError(f"`chunk` is {chunk}", cure="Give a worker one case at a time or more")
+    run = _Run(study, executor, chunk, devices)
     with reporting(progress) as report:
-        for count, (key, result, error) in enumerate(finished, start=1):
-            if error is not None:
-                failures[key] = error
-            else:
-                results[key] = result
-                if out is not None:
-                    _append(Path(out), key, result)
-            report("runs", (resumed + count) / len(plan))
-    if failures and not results:
-        raise next(iter(failures.values()))
-    names = tuple(dict.fromkeys(name for case in design.cases for name in case))
-    return Study(
-        runs=tuple(
-            {**case, "seed": seed, **results[key]} for key, (case, seed) in plan.items() if key in results
-        ),
-        failures=tuple(
-            {**case, "seed": seed, "error": f"{type(failures[key]).__name__}: {failures[key]}"}
-            for key, (case, seed) in plan.items()
-            if key in failures
-        ),
-        resumed=resumed,
-        _names=names,
+        if store is None:
+            require_studies("run_study")
+            shards: list[Shard] = []
+            run.all(np.zeros(study.design.size, bool), None, report, shards)
+            found = dataset_of(study, shards, study.described() | {"versions": versions()})
+        else:
+            place = Store(study, Path(store))
+            with place.claimed():
+                if not place.is_complete:
+                    run.all(place.done(), place, report, [])
+                    report("writing the store", 1.0)
+                    place.complete()
+                place.tidy()
+                found = place.load()
+    _warn_of_failures(found)
+    return found
+
+
+class _Run:
+    """How a `study` is computed: by an `executor`, in chunks of `chunk` cases, or on `devices`."""
+
+    def __init__(
+        self, study: Study, executor: Submits | None, chunk: int | None, devices: Sequence[Any] | None
+    ) -> None:
+        self.study, self.executor, self.chunk, self.devices = study, executor, chunk, devices
+        self.blocks = Blocks(study)
+
+    def all(self, done: Any, place: Store | None, report: Progress, shards: list[Shard]) -> None:
+        """Compute the cases that are not `done`, shape `(n,)`, into the store at `place`, or, without one, into
+        `shards`."""
+        left = self.blocks.unfinished(done)
+        pace = Pace(report, self.study.design.size, int(done.sum()))
+        pace.start("compiling" if self.study.task.on_devices else "starting")
+        try:
+            for one in self._outcomes(left, place, pace):
+                if isinstance(one, Lost):
+                    _warn_of_loss(one)
+                elif one.shard is not None:
+                    shards.append(one.shard)
+        except KeyboardInterrupt as interrupt:
+            raise StudyStopped(_how_to_go_on("The study was stopped", place)) from interrupt
+        except BrokenExecutor as error:
+            text = _how_to_go_on(f"A worker was lost, and the executor has ended ({error})", place)
+            raise WorkersLost(text) from error
+        except WorkersLost as error:
+            text = _how_to_go_on(f"Workers were lost twice at the same cases ({error})", place)
+            raise WorkersLost(text) from error
+        if place is not None and not (finished := place.done()).all():
+            raise WorkersLost(
+                f"{int((~finished).sum())} cases were computed and are not in {place.parts}: let all workers see that "
+                "folder under the same path."
+            )
+
+    def _outcomes(self, left: Numbers, place: Store | None, pace: Pace) -> Iterator[Done | Lost]:
+        folder, settings, task = None if place is None else place.parts, jax_settings(), self.study.task
+
+        def order(numbers: Numbers, what: Any) -> Order:
+            return Order(what, self.study.seed, self.blocks.take(numbers), folder, settings)
+
+        def chunks(workers: int | None) -> Chunks:
+            return Chunks(left, task.lanes, self.chunk, workers or 1)
+
+        if self.executor is not None:
+            workers = workers_of(self.executor)
+            what = task if isinstance(self.executor, ThreadPoolExecutor) else packed(task)
+            submit = self.executor.submit
+            found = on_executor(chunks(workers), lambda n: submit(work, order(n, what)), workers, pace.show)
+            for one in found:
+                if isinstance(one, Done):
+                    pace.add(one.count, one.failed)
+                yield one
+            return
+        devices = self._devices()
+        if len(devices) < 2:
+
+            def here(numbers: Numbers) -> Done:
+                device = devices[0] if devices else None
+                done = compute(task, order(numbers, task), device=device, report=pace.add)
+                pace.failed(done.failed)
+                return done
+
+            yield from in_turn(chunks(1), here)
+            return
+
+        def there(numbers: Numbers, device: Any) -> Done:
+            stopped = crew.stopping.is_set
+            done = compute(task, order(numbers, task), device=device, stopped=stopped, report=pace.count)
+            pace.failed(done.failed)
+            return done
+
+        crew = Devices(devices, there)
+        try:
+            yield from on_executor(chunks(len(devices)), crew.submit, len(devices), pace.show)
+        finally:
+            crew.close()
+
+    def _devices(self) -> Sequence[Any]:
+        if not self.study.task.on_devices:
+            return ()
+        return jax.local_devices() if self.devices is None else self.devices
+
+
+def _how_to_go_on(what: str, place: Store | None) -> str:
+    if place is None:
+        return f"{what}. Without a `store` nothing of it is kept."
+    done = place.done()
+    return (
+        f"{what}: {int(done.sum()):,} of {done.size:,} cases are finished. Run it again with the store "
+        f"{place.target}: it goes on from there."
     )
 
 
-Plan = dict[str, tuple[Mapping[str, Any], int]]
-"""Every run as (case, seed), by the text that stands for it on disk."""
-
-Outcome = tuple[str, dict[str, float], Exception | None]
-"""A run's text, its numbers, and what it raised instead."""
-
-
-def _plan(design: Design) -> Plan:
-    """Every run as (case, seed), by the text that stands for it on disk."""
-    function = f"{design.function.__module__}.{design.function.__qualname__}"
-    plan = {}
-    for i, case in enumerate(design.cases):
-        if "seed" in case:
-            raise InputError(f"case {i} has an entry `seed`", cure="Give `seeds` and `seed` of the design.")
-        for seed in range(design.seed, design.seed + design.seeds):
-            try:
-                key = _text({"function": function, "case": dict(case), "seed": seed})
-            except TypeError as error:
-                raise InputError(
-                    f"case {i} cannot be written as JSON: {error}",
-                    cure="Use numbers, texts, booleans and lists, and make arrays inside the function.",
-                ) from error
-            plan[key] = (case, seed)
-    return plan
+def _warn_of_loss(one: Lost) -> None:
+    text = " ".join(str(one.error).split())
+    warnings.warn(
+        f"A worker was lost; its cases are computed again ({text[:200]}).", FrictionjaxWarning, stacklevel=4
+    )
 
 
-def _call(function: Callable[..., Mapping[str, Any]], case: Mapping[str, Any], seed: int) -> dict[str, float]:
-    return {name: float(value) for name, value in function(seed=seed, **case).items()}
-
-
-def _in_turn(design: Design, plan: Plan, waiting: list[str]) -> Iterator[Outcome]:
-    for key in waiting:
-        try:
-            result, error = _call(design.function, *plan[key]), None
-        except Exception as raised:  # a failed run is a result: it is reported with the study
-            result, error = {}, raised
-        yield key, result, error
-
-
-def _on(executor: Executor, design: Design, plan: Plan, waiting: list[str]) -> Iterator[Outcome]:
-    futures = {executor.submit(_call, design.function, *plan[key]): key for key in waiting}
-    try:
-        for future in as_completed(futures):
-            error = future.exception()
-            if error is not None and not isinstance(error, Exception):
-                raise error
-            yield futures[future], {} if error else future.result(), error
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def _text(value: Mapping[str, Any]) -> str:
-    return json.dumps(value, sort_keys=True)
-
-
-def _append(path: Path, key: str, result: dict[str, float]) -> None:
-    finite = {name: value if math.isfinite(value) else None for name, value in result.items()}
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"run": json.loads(key), "result": finite}, sort_keys=True) + "\n")
-
-
-def _finished(path: Path) -> dict[str, dict[str, float]]:
-    """The finished runs in the file `path`; a last line that was cut off as it was written is removed."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return {}
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        path.write_text(whole, encoding="utf-8")
-    found = {}
-    for number, line in enumerate(whole.splitlines(), start=1):
-        try:
-            entry = json.loads(line)
-            result = {
-                name: math.nan if value is None else float(value) for name, value in entry["result"].items()
-            }
-            found[_text(entry["run"])] = result
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(
-                "the line is not a finished run",
-                file=path,
-                place=f"line {number}",
-                cure="Remove the line, or give another `out`.",
-            ) from error
-    return found
+def _warn_of_failures(found: Any) -> None:
+    failed = found["failed"].values
+    if failed.any():
+        first = str(found["reason"].values[failed][0])
+        warnings.warn(
+            f"{int(failed.sum()):,} of {failed.size:,} cases failed; the first: {first}. `reason` has them all.",
+            FrictionjaxWarning,
+            stacklevel=3,
+        )

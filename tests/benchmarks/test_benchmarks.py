@@ -62,6 +62,7 @@ def _run(*arguments):
         pytest.param("estimation_study", marks=pytest.mark.slow),
         pytest.param("estimation_refit", marks=pytest.mark.slow),
         pytest.param("estimation_plants", marks=pytest.mark.slow),
+        pytest.param("studies", marks=pytest.mark.slow),
     ],
 )
 def test_a_benchmark_runs_and_its_numbers_are_finite(name, tmp_path):

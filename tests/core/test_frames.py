@@ -9,7 +9,15 @@ import pytest
 from helpers_diagnosis import fake_diagnosis
 
 import frictionjax as fj
-from frictionjax.core.frames import estimate_columns, records, to_dataframe, to_xarray
+from frictionjax.core.frames import (
+    estimate_columns,
+    is_dataset,
+    read_zarr,
+    records,
+    to_dataframe,
+    to_xarray,
+    write_zarr,
+)
 
 T = np.arange(40) / 100.0
 PATH = fj.Trajectory(*(jnp.asarray(a) for a in (T, T**2, 2 * T, np.stack([T, -T], 1), np.sin(T), T)))
@@ -22,14 +30,6 @@ FIT = fj.FitResult(
     fj.Drive(1.0, fj.LuGre(1e5, 300.0, 0.4, 1.0, 1.5, 1e-3)), ESTIMATES, ("Fc", "vs"),
     np.array([[0.01, 0.002], [0.002, 0.04]]), np.eye(2), {}, 0.0, True, "The fit converged.", (),
 )  # fmt: skip
-
-
-def _function(seed, level):
-    return {"gain": level + seed}
-
-
-def _study():
-    return fj.run_study(fj.Design(_function, ({"level": 1.0}, {"level": 2.0}), seeds=2))
 
 
 def test_columns_of_estimates_and_records():
@@ -61,9 +61,7 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(library, m
         make()
 
 
-@pytest.mark.parametrize(
-    "result", [PATH, FRF, FIT, _study(), fake_diagnosis(n=50)], ids=lambda r: type(r).__name__
-)
+@pytest.mark.parametrize("result", [PATH, FRF, FIT, fake_diagnosis(n=50)], ids=lambda r: type(r).__name__)
 def test_every_result_becomes_a_table(result):
     pytest.importorskip("pandas")
     assert len(result.to_dataframe()) > 0
@@ -79,13 +77,24 @@ def test_tables_have_the_numbers_of_the_results_and_their_units():
     np.testing.assert_allclose(frame["phase"], T)
     np.testing.assert_allclose(frame["phase_std"], 0.1)
     assert FIT.to_dataframe().loc["Fc", "stderr"] == 0.1
-    assert list(_study().to_dataframe()["gain"]) == [1.0, 2.0, 2.0, 3.0]
     recording = fj.recording_from_frame(
         {"t": np.arange(200) / 1e3, "u": np.ones(200), "x": np.sin(np.arange(200.0))}
     )
     frame = fj.Case("c", fj.Plant(position_unit="rad"), (recording,)).recordings[0].to_dataframe()
     assert frame.attrs["units"]["x"] == "rad"
     np.testing.assert_array_equal(frame["x"], recording.x)
+
+
+def test_a_store_of_zarr_keeps_numbers_texts_and_units(tmp_path):
+    pytest.importorskip("zarr")
+    arrays = {"a": (("k",), [1.0, np.nan]), "b": (("k",), np.array(["x", "longer"], dtype=object))}
+    whole = to_xarray(arrays, {"k": [3, 4]}, {"a": "N"}, about={"of": [1, None]})
+    write_zarr(whole, tmp_path / "s.zarr")
+    found = read_zarr(tmp_path / "s.zarr")
+    assert found.attrs == {"about": {"of": [1, None]}} and found["a"].attrs["units"] == "N"
+    np.testing.assert_array_equal(found["a"], whole["a"])
+    assert [str(text) for text in found["b"].values] == ["x", "longer"]
+    assert is_dataset(found) and not is_dataset(found["a"])
 
 
 def test_a_diagnosis_has_four_tables():
@@ -120,7 +129,6 @@ def test_results_show_their_numbers_in_a_screen():
         (PATH, "Trajectory of 40 samples"),
         (FRF, "FRF of 40 frequencies, 20 effective averages, 100 Hz"),
         (FIT, "Fc         1      0.1             N"),
-        (_study(), "Study of 4 runs, 0 of them read from disk"),
         (fake_diagnosis(), "Diagnosis of arm-2024-03: named (maxwell_slip, confidence 0.98"),
     ):
         assert words in repr(result)

@@ -14,6 +14,7 @@ from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
+from helpers_studies import kept_study, run_scaled
 from helpers_traces import columns, loaded, programs, recordings, saved_diagnosis, start
 from scipy.signal import lfilter
 
@@ -264,6 +265,7 @@ TRACED = (
     Traced("excitation.presliding_loop", _presliding_loop),
     Traced("excitation.point_to_point", _point_to_point),
     Traced("level_sweep", _level_sweep, ("numbers",)),
+    Traced("run_study", run_scaled),
     Traced("compare_estimators", _compare_estimators, slow=True),
     Traced("fit", _fit, ("numbers", "names", "lengths", "sample_rate")),
     Traced("fit", _fit_with_an_effect, ("numbers_with_effect", "scale_of_effect"), slow=True),
@@ -322,7 +324,8 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         "small least squares next to one peak, in numpy",
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
     ),
-    "run_study": ("calls what it is given", lambda _: api.run_study(api.Design(_plain, ({"gain": 2.0},)))),
+    "load_study": ("reads files", lambda folder: api.load_study(kept_study(folder))),
+    "summarise": ("numpy on the results", lambda folder: api.summarise(api.load_study(kept_study(folder)))),
 }
 """Verbs that never touch JAX: why, and a call that shows it."""
 
@@ -345,10 +348,6 @@ def _saved(folder):
     )
     api.save_fit(result, folder / "fit.json")
     return folder / "fit.json"
-
-
-def _plain(*, seed, gain):
-    return {"value": gain + seed}
 
 
 @pytest.fixture(scope="module", autouse=True)

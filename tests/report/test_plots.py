@@ -11,7 +11,7 @@ from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
 
 import frictionjax as fj
 from frictionjax.frequency.sanathanan_koerner import SKResult
-from frictionjax.studies import EstimatorComparison, LevelSweep, grid
+from frictionjax.studies import EstimatorComparison, LevelSweep
 
 UNITS = {"position": "m", "force": "N", "input": "V"}
 DRIVE = fj.Drive(1.0, fj.LuGre(sigma0=1e5, sigma1=300.0, sigma2=0.4, Fc=1.0, Fs=1.5, vs=1e-3), 16.0)
@@ -60,12 +60,27 @@ def _comparison():
     )  # fmt: skip
 
 
-def _function(seed, level, kind="a"):
-    return {"stiffness": level + seed, "rate": 2.0 * level}
+def _function(rng, level, kind="a", wide=0.0):
+    return {
+        "stiffness": level + rng.normal(),
+        "rate": 2.0 * level,
+        "found": rng.normal() > 0.0,
+        "kind_of": kind,
+    }
 
 
-def _study(**axes):
-    return fj.run_study(fj.Design(_function, grid(**axes), seeds=2))
+def _study(repeats=3, **axes):
+    pytest.importorskip("zarr")
+    design = fj.Factorial(*(fj.Axis(name, values) for name, values in axes.items()), repeats=repeats)
+    return fj.run_study(
+        fj.Study(design, fj.PythonTask(_function, units={"stiffness": "N/m"})), progress=False
+    )
+
+
+def _random():
+    pytest.importorskip("zarr")
+    design = fj.RandomDesign(fj.Axis("level", low=0.1, high=10.0, scale="log", unit="N"), cases=30)
+    return fj.run_study(fj.Study(design, fj.PythonTask(_function)), progress=False)
 
 
 RESULTS = {
@@ -76,12 +91,10 @@ RESULTS = {
     "profile": lambda: PROFILE,
     "named": fake_diagnosis,
     "adequate": adequate_diagnosis,
-    "study": lambda: _study(level=[0.1, 1.0, 10.0], kind=["a", "b"]),
-    "seeds": lambda: _study(level=[0.1]),
     "sweep": lambda: SWEEP,
     "estimators": _comparison,
 }
-WITHOUT_UNIT = {"coherence", "deviance (the line: 95 %)", "seed", "level", "stiffness", "rate", ""}
+WITHOUT_UNIT = {"coherence", "deviance (the line: 95 %)", ""}
 RATIOS = {
     "error power over the noise floor",
     "scatter over the bound",
@@ -98,7 +111,7 @@ def _closed():
 @pytest.mark.parametrize("name", RESULTS)
 def test_every_result_is_drawn_with_units_on_every_axis(name):
     result = RESULTS[name]()
-    panels = result.plot(units=UNITS) if name not in ("study", "seeds") else result.plot()
+    panels = result.plot(units=UNITS)
     figure = panels[0].figure
     if name == "named":
         figure.canvas.draw()
@@ -188,18 +201,44 @@ def test_a_diagnosis_shows_the_recording_and_the_place_of_the_largest_mismatch()
         dataclasses.replace(found, recordings=()).plot()
 
 
-def test_a_study_is_drawn_over_what_varies():
-    stiffness, rate = RESULTS["study"]().plot(units={"stiffness": "N/m"})
-    assert stiffness.get_xscale() == "log"
-    assert stiffness.get_ylabel() == "stiffness (N/m)"
-    np.testing.assert_allclose(rate.lines[0].get_ydata().astype(float), [0.2, 2.0, 20.0])
+def test_a_study_is_drawn_over_any_two_dimensions():
+    study = _study(level=[0.1, 1.0, 10.0], kind=["a", "b"], wide=[float(k) for k in range(9)])
+    stiffness, rate, found = fj.plot(study, names=("stiffness", "rate", "found"))
+    assert stiffness.get_xscale() == "log" and stiffness.get_ylabel() == "stiffness (N/m)"
+    np.testing.assert_allclose(rate.lines[0].get_ydata(), [0.2, 2.0, 20.0])
     assert [text.get_text() for text in stiffness.get_legend().get_texts()] == ["kind = a", "kind = b"]
-    seeds = RESULTS["seeds"]().plot()[0]
-    np.testing.assert_allclose(seeds.lines[0].get_ydata(), [0.1, 1.1])
-    words = _study(level=[0.1], kind=["a", "b"]).plot()[1]
+    summary = fj.summarise(study, over=("repeat", "wide"))
+    line, bars = stiffness.containers[0].lines[0], stiffness.containers[0].lines[2][0]
+    mean, error = (summary[f"stiffness_mean{end}"].sel(kind="a").values for end in ("", "_mcse"))
+    np.testing.assert_allclose(line.get_ydata(), mean)
+    np.testing.assert_allclose([np.ptp(bar[:, 1]) for bar in bars.get_segments()], 2.0 * error)
+    assert 0.0 < np.asarray(found.lines[0].get_ydata()).mean() < 1.0
+    (words,) = fj.plot(study, over="kind", names="rate")
     assert [text.get_text() for text in words.get_xticklabels()] == ["a", "b"]
-    with pytest.raises(fj.InputError, match="no finished run"):
-        dataclasses.replace(RESULTS["seeds"](), runs=()).plot()
+    (image,) = fj.plot(study, over=("level", "wide"), names="rate")
+    np.testing.assert_allclose(image.collections[0].get_array().reshape(9, 3)[4], [0.2, 2.0, 20.0])
+    assert image.get_ylabel() == "wide"
+
+
+def test_a_summary_is_drawn_as_it_is_and_further_dimensions_are_refused():
+    summary = fj.summarise(_study(level=[0.1, 1.0], kind=["a", "b"], wide=[0.0, 1.0]))
+    with pytest.raises(fj.InputError, match=r"`rate_mean` has the further dimensions wide.*dataset\.sel"):
+        fj.plot(summary, names="rate_mean")
+    (drawn,) = fj.plot(summary.sel(wide=1.0), names="rate_mean")
+    np.testing.assert_allclose(drawn.lines[0].get_ydata(), [0.2, 2.0])
+    with pytest.raises(fj.InputError, match="there is no `nothing`"):
+        fj.plot(summary, over="nothing")
+    with pytest.raises(fj.InputError, match="a FRF has one picture"):
+        fj.plot(FRF, over="frequency")
+
+
+def test_the_cases_of_a_random_design_are_points():
+    study = _random()
+    (rate,) = fj.plot(study, names="rate")
+    assert rate.get_xlabel() == "level (N)" and rate.get_xscale() == "log"
+    np.testing.assert_allclose(rate.lines[0].get_ydata(), 2.0 * study["level"].values)
+    (coloured,) = fj.plot(study, over=("level", "case"), names="rate")
+    np.testing.assert_allclose(coloured.collections[0].get_array(), np.arange(30))
 
 
 def test_a_profile_shows_the_estimate_and_its_interval():

@@ -42,6 +42,7 @@ ADAPTERS_THAT_LOAD_LATE = {
     "lineax": "estimation/descent/levenberg_marquardt.py",
     "pandas": "core/frames.py",
     "xarray": "core/frames.py",
+    "cloudpickle": "studies/worker.py",
     "matplotlib": "report/plots/sheet.py",
 }
 """Libraries that take a while to load or may be missing, and that the program's main job needs none of."""

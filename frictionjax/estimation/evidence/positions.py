@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from frictionjax.core.arrays import Numbers
+from frictionjax.core.arrays import Numbers, numpy_or_jax
 from frictionjax.core.arrays import known as known_numbers
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.batch import Batch
@@ -132,8 +132,9 @@ class Noise(eqx.Module):
 
 def scored_from_the_start(batch: Batch) -> Batch:
     """The same `batch` with every sample scored: the variance of a Kalman filter covers its start."""
-    inside = np.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
-    return eqx.tree_at(lambda b: b.valid, batch, np.asarray(inside, dtype=float))
+    xp = numpy_or_jax(batch)  # of many data sets at once it is compiled
+    inside = xp.arange(batch.x.shape[1])[None] < batch.lengths[:, None]
+    return eqx.tree_at(lambda b: b.valid, batch, xp.asarray(inside, dtype=float))
 
 
 def _top(

@@ -1,5 +1,6 @@
 """`plot`: the picture that suits a result."""
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from frictionjax.core import InputError
+from frictionjax.core.frames import is_dataset
 from frictionjax.diagnosis import Diagnosis
 from frictionjax.estimation import FitResult, Profile
 from frictionjax.frequency import FRF
@@ -17,9 +19,10 @@ from frictionjax.report.plots.estimates import draw_fit, draw_profile
 from frictionjax.report.plots.responses import draw_frf, draw_second_order
 from frictionjax.report.plots.sheet import new_figure
 from frictionjax.report.plots.signals import draw_trajectory
-from frictionjax.report.plots.studies import draw_comparison, draw_levels, draw_study
+from frictionjax.report.plots.studies import draw_comparison, draw_levels
+from frictionjax.report.plots.study_results import draw_results
 from frictionjax.simulation import Trajectory
-from frictionjax.studies import EstimatorComparison, LevelSweep, Study
+from frictionjax.studies import EstimatorComparison, LevelSweep
 
 _DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
     Trajectory: draw_trajectory,
@@ -28,14 +31,18 @@ _DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
     FitResult: draw_fit,
     Profile: draw_profile,
     Diagnosis: draw_diagnosis,
-    Study: draw_study,
     LevelSweep: draw_levels,
     EstimatorComparison: draw_comparison,
 }
 
 
 def plot(
-    result: Any, *, axes: Sequence[Axes] | Axes | None = None, units: Mapping[str, str] | None = None
+    result: Any,
+    *,
+    axes: Sequence[Axes] | Axes | None = None,
+    units: Mapping[str, str] | None = None,
+    over: Sequence[str] | str | None = None,
+    names: Sequence[str] | str | None = None,
 ) -> tuple[Axes, ...]:
     """Draw a result in the way that suits its kind; `result.plot()` is the same.
 
@@ -47,7 +54,7 @@ def plot(
     | `FitResult` | friction against velocity, presliding loops, correlations of the estimates |
     | `Profile` | deviance, with the parabola of the standard error |
     | `Diagnosis` | held-out prediction errors, residual force, where the mismatch is |
-    | `Study` | mean and standard error of each number over the first entry of the cases that varies |
+    | result of `run_study` or `summarise` | each number over one or two dimensions, with its error |
     | result of `level_sweep` | stiffness over the level of the excitation |
     | result of `compare_estimators` | scatter over the Cramer-Rao bound |
 
@@ -57,6 +64,8 @@ def plot(
     - `axes`: matplotlib axes to draw into, one for each panel, so that results can be compared in one figure; None: a
         new figure of pyplot, which a notebook shows.
     - `units`: names for `position`, `force` and `input`, where the result has none of its own.
+    - `over`: of a study, the one or two dimensions to draw over; None: the first ones.
+    - `names`: of a study, which results to draw; None: the first twelve.
 
     **Returns:**
 
@@ -67,6 +76,12 @@ def plot(
     `InputError` for another kind of result, for a batch of results, and for a wrong number of `axes`.
     """
     draw = _DRAW.get(type(result))
+    if is_dataset(result):
+        draw = functools.partial(draw_results, over=over, names=names)
+    elif over is not None or names is not None:
+        raise InputError(
+            f"a {type(result).__name__} has one picture", place="`over`", cure="Leave `over` and `names` out"
+        )
     if draw is None:
         raise InputError(
             f"{type(result).__name__} has no picture",

@@ -72,6 +72,17 @@ def new_axes(panels: Panels, place: Place, shared: Sequence[str] = ()) -> dict[s
     return {name: found[name] for name in names}
 
 
+_ACROSS = 3  # panels in a row
+
+
+def rows_of(names: Sequence[str]) -> list[list[str]]:
+    """An arrangement of panels with these `names`, three in a row."""
+    across = min(len(names), _ACROSS)
+    rows = [list(names[k : k + across]) for k in range(0, len(names), across)]
+    rows[-1] += ["."] * (across - len(rows[-1]))
+    return rows
+
+
 def labelled(name: str, unit: str) -> str:
     """The label of an axis: a `name` and its `unit`, which a ratio has none of."""
     text = unit_text(unit)

@@ -1,0 +1,109 @@
+"""The command that runs a study: `study`."""
+
+import time
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+from frictionjax.cli.study_file import EXAMPLE, study_of
+from frictionjax.cli.terminal import Terminal, say
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+_EVERY = 30.0  # s between two lines of progress in a log
+
+
+def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax study`."""
+    from frictionjax.core import InputError
+    from frictionjax.studies import run_study
+    from frictionjax.studies.dispatch import WorkersLost
+
+    if arguments.example:
+        terminal.close()
+        say(EXAMPLE.splitlines())
+        return
+    if arguments.design is None or arguments.out is None:
+        raise InputError(
+            "a study needs a design file and `--out`",
+            cure="`frictionjax study --example > design.toml` writes one",
+        )
+    asked = study_of(arguments.design)
+    parts = arguments.out.with_name(f"{arguments.out.name}.parts")
+    if not arguments.resume and (arguments.out.exists() or parts.exists()):
+        raise InputError(
+            "there are results of an earlier run",
+            file=arguments.out,
+            cure="Go on with `--resume`, or choose another `--out`",
+        )
+    try:
+        with ExitStack() as stack:
+            executor = stack.enter_context(_executor(arguments))
+            found = run_study(
+                asked, arguments.out, executor, chunk=arguments.chunk, progress=_progress(terminal)
+            )
+    except (ImportError, WorkersLost) as error:  # sentences both
+        raise InputError(str(error)) from error
+    terminal.close()
+    failed = int(found["failed"].sum())
+    sizes = ", ".join(f"{name} {size}" for name, size in found["failed"].sizes.items())
+    say(
+        [
+            f"{found['failed'].size:,} cases ({sizes}), {failed:,} of them failed.",
+            f"Results: {', '.join(sorted(map(str, found.data_vars)))}.",
+            "",
+            f"Written: {arguments.out}",
+        ]
+    )
+
+
+@contextmanager
+def _executor(arguments: "argparse.Namespace") -> "Iterator[Any]":
+    """The workers that were asked for; None: this process."""
+    from frictionjax.core import InputError
+
+    if arguments.dask is not None:
+        try:
+            from distributed import Client
+        except ModuleNotFoundError as error:
+            raise InputError(
+                f"`--dask` needs distributed, which cannot be loaded ({error})",
+                cure="python -m pip install 'frictionjax[cluster]'",
+            ) from error
+        try:
+            client = Client(arguments.dask, timeout=20)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"no Dask scheduler answers at {arguments.dask} ({error})",
+                place="`--dask`",
+                cure="Start one by `dask scheduler`, or correct the address, such as tcp://host:8786",
+            ) from error
+        with client:
+            yield client.get_executor()
+    elif arguments.workers is not None and arguments.workers > 1:
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
+        pool = ProcessPoolExecutor(arguments.workers, mp_context=multiprocessing.get_context("spawn"))
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
+    else:
+        yield None
+
+
+def _progress(terminal: Terminal) -> Any:
+    """On a terminal the bar; in a log a line now and then."""
+    import sys
+
+    said = [-_EVERY]
+
+    def report(stage: str, fraction: float) -> None:
+        now = time.monotonic()
+        if sys.stderr.isatty() or fraction >= 1.0 or now - said[0] >= _EVERY:
+            said[0] = now
+            terminal.progress(stage, fraction)
+
+    return report
