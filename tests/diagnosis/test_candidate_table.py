@@ -98,7 +98,7 @@ def _joint(judged):
 def test_beside_a_gap_a_raised_floor_stays(judged):
     """A chaotic machine's floor is that of the round before."""
     unit = np.ones((1, *judged.power.shape))
-    answer = Answer(np.zeros(judged.power.shape), unit, 0.0 * unit, 0.0 * unit)
+    answer = Answer(np.zeros(judged.power.shape), unit[0], unit, 0.0 * unit, 0.0 * unit)
     model = _with(judged, effect("Backlash"))
     model.posterior = _joint(judged)
     refits = [SimpleNamespace(model=_with(judged, power=np.ones_like(judged.power)))]

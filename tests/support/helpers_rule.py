@@ -142,7 +142,7 @@ def _force(gain, asked):
     """The unmeasured force that blocks of this `gain` ask for, each the square of its own."""
     gain, asked = np.array([gain], float), np.array([asked], float)
     ones = np.ones((1, *gain.shape))
-    found = Answer(gain, ones, gain[None], 0.0 * ones)
+    found = Answer(gain, ones[0], ones, gain[None], 0.0 * ones)
     posterior = SimpleNamespace(batch=SimpleNamespace(block_count=np.ones_like(gain)), fitted=(np.ones(1),))
     return lambda rule: round(force_noise(1.0 + gain * asked**2, found, posterior, rule=rule), 7)
 
