@@ -13,6 +13,7 @@ from frictionjax.core import Estimate, InputError, Progress, reporting, require_
 from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
+from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed
@@ -122,7 +123,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
         rule=rule,
     )
-    notes = list(starting.notes)
+    notes = [*starting.notes, *said_of_the_sensor(base.posterior)]
     scene = scene_of(base, starting.names)
     credible, error = credibility(base, rule=rule), ""
     if not credible.is_credible(rule=rule):

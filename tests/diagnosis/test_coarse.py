@@ -7,8 +7,10 @@ import pytest
 from helpers_estimation import PLANT, base_fit, closed_loop, moves, truth
 
 from frictionjax.diagnosis.base_model.fit_base import reported_parameters
+from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.objective.robust import robust_posterior
 
 NOISE = 2e-5
 """Of the sensor, rad: a tenth of the friction more would hide below it in the usual observer."""
@@ -39,6 +41,13 @@ def test_it_is_at_the_noise(base):
     answer = answer_to_force(base.posterior, base.fitted.vector)
     floor = floor_of(0.0, answer, quietness(base.judgement.power, answer, base.posterior))
     assert base.judgement.within(floor, Rule().limits.adequate) == (True, True)
+
+
+def test_a_sentence_says_so(base):
+    (said,) = said_of_the_sensor(base.posterior)
+    assert f"{np.min(base.posterior.recordings.bandwidth):.3g} Hz" in said
+    fine, _ = robust_posterior(PLANT, base.posterior.batch, base.judgement.held_out)
+    assert said_of_the_sensor(fine) == ()
 
 
 def test_its_parameters_are_those_of_the_machine(base):

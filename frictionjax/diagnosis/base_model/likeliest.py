@@ -32,6 +32,16 @@ def is_coarse(posterior: Posterior) -> bool:
     return isinstance(recordings, Observed) and bool(np.any(np.asarray(recordings.pace) < 1.0))
 
 
+def said_of_the_sensor(posterior: Posterior) -> tuple[str, ...]:
+    """A sentence for the warnings where a sensor of the recordings of `posterior` is coarse."""
+    if not is_coarse(posterior):
+        return ()
+    slowest = float(np.min(posterior.recordings.bandwidth))
+    return (
+        f"The position sensor is coarse: below its noise, forces that act faster than {slowest:.3g} Hz hide.",
+    )
+
+
 def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
     """The `vector` with the parameters, and the starting deflections of the fitted recordings, that are likeliest for
     these recordings by the prediction errors of a Kalman filter (`refine`), from there.
