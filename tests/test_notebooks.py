@@ -6,6 +6,7 @@ import sys
 import types
 from pathlib import Path
 
+import jax
 import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
@@ -14,6 +15,8 @@ from helpers_diagnosis import fake_diagnosis, fake_recording
 from nbclient import NotebookClient
 
 import frictionjax as fj
+from frictionjax.studies.estimator_comparison import ESTIMATORS, PARAMETERS, UNITS, EstimatorComparison
+from frictionjax.studies.run import run_study
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
@@ -23,9 +26,9 @@ def test_there_is_the_paper():
     assert "01_the_paper.ipynb" in [path.name for path in NOTEBOOKS]
 
 
-KEPT = ("00_quickstart", "04_full_refit", "05_your_own_effect")
+KEPT = ("00_quickstart", "02_monte_carlo", "04_full_refit", "05_your_own_effect")
 """Notebooks with the outputs of a whole run, by `python notebooks/keep_outputs.py`; their cells are executed in this
-process, without their diagnosis and their fits."""
+process, without their diagnosis, their fits and their studies."""
 
 IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in KEPT]
 
@@ -133,6 +136,89 @@ def test_an_effect_of_ones_own_is_simulated_and_drawn(monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "zero strength is the base model: True" in printed
     assert "with the hose: " in printed
+
+
+def _detected(rng, compliance):
+    """Every second recording is noticed from 0.4 % of creep on, and a quarter is taken for another effect."""
+    found = compliance >= 0.004 and rng.random() < 0.5
+    creep = found and rng.random() < 0.5
+    expected = 600.0 * compliance
+    return {
+        "detected": found,
+        "named_creep": creep,
+        "named_another": found and not creep,
+        "expected_score": expected,
+    }
+
+
+def _stiffness(rng, noise, level):
+    """A stiffness that falls with the level and scatters with the noise."""
+    estimate = 1e5 * (1.0 - 0.1 * level) + 1e10 * noise * rng.standard_normal()
+    return {"stiffness": estimate, "stiffness_stderr": 1e10 * noise, "stiffness_true": 1e5}
+
+
+def test_monte_carlo_reads_its_stores_and_draws_them(monkeypatch, capsys, tmp_path):
+    """All of it but what is computed for each case: the designs, the stores and the summaries are real."""
+    pytest.importorskip("zarr")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    asked = []
+
+    def canned(study, store):
+        asked.append(study)
+        response = isinstance(study.task, fj.ResponseTask)
+        task = fj.PythonTask(_stiffness if response else _detected, units={"stiffness": "N/m"})
+        return run_study(fj.Study(study.design, task, seed=study.seed), store, progress=False)
+
+    monkeypatch.setattr("frictionjax.api.run_study", canned)
+    monkeypatch.setattr(
+        "frictionjax.api.compare_estimators", lambda *, draws, levels: _comparison(draws, levels)
+    )
+    names = _execute("02_monte_carlo", monkeypatch)
+    response, naming = asked
+    assert response.design.shape == {"noise": 5, "level": 2, "repeat": 32}
+    # The function of the second study can be traced: what a case of it returns is what the figure needs.
+    traced = jax.eval_shape(naming.task.function, jax.random.key(0), 0.01)
+    assert {name: one.shape for name, one in traced.items()} == dict.fromkeys(
+        ("detected", "named_creep", "named_another", "expected_score"), ()
+    )
+    assert float(names["size"]) == pytest.approx(600.0)
+    printed = capsys.readouterr().out
+    assert "320 fits, 0 of them failed" in printed
+    row = names["summary"].isel(noise=0, level=1)
+    assert float(row["stiffness_bias"]) == pytest.approx(-2000.0, abs=10.0)
+    assert f"{float(row['stiffness_bias']):.0f} +- {float(row['stiffness_bias_mcse']):.0f}" in printed
+    # Two draws, 1 % above and 3 % below the truth.
+    assert "stiffness joint      bias   -1.000 +- 2.000 %, rms error   2.236 +- 0.894 %" in printed
+    labels = [
+        label for number in plt.get_fignums() for one in plt.figure(number).axes for label in _labels(one)
+    ]
+    assert len(labels) == 2 * (3 + 2 + 1)
+    assert all(label.endswith(")") and "(" in label for label in labels), labels
+
+
+def _labels(axes):
+    return axes.get_xlabel(), axes.get_ylabel()
+
+
+def _comparison(draws, levels):
+    """A comparison whose two draws lie 1 % above and 3 % below the truth."""
+    assert draws == 2
+    truth = np.array([1.0, 1e5, 316.6, 0.4, 1.0, 1.5, 1e-3])
+    shape = (4, len(levels), draws, 7)
+    estimates = np.broadcast_to(truth * np.array([1.01, 0.97])[:, None], shape)
+    return EstimatorComparison(
+        estimators=ESTIMATORS,
+        parameters=PARAMETERS,
+        units=UNITS,
+        noise=np.asarray(levels) * 1.5e-5,
+        truth=truth,
+        estimates=estimates,
+        stderr=np.broadcast_to(0.01 * truth, shape),
+        converged=np.ones(shape[:3], bool),
+        bound=np.broadcast_to(0.01 * truth, (4, len(levels), 7)),
+        seconds=dict.fromkeys(ESTIMATORS, 1.0),
+        excitation=0.1,
+    )
 
 
 @pytest.mark.slow
