@@ -15,7 +15,6 @@ from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.evidence import bandwidth_of
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.simulation import observe, observer_gains, predict_ahead, residual_force, simulate
@@ -57,7 +56,7 @@ def _steps_of_a_diagnosis(recordings):
     answer_to_force(slow, again.vector)
     at_finer_steps(slow, again.vector, again.near, slow.evaluated(again.vector)[0])
     names = tuple(one.name for one in recordings)
-    bandwidth = bandwidth_of(SLOW_BANDWIDTH, np.ones(len(names)), np.asarray(batch.dt))
+    bandwidth = np.minimum(SLOW_BANDWIDTH, 0.1 / np.asarray(batch.dt))
     view(judgement, Scene(batch, held_out, bandwidth, names))
     scales = plant_scales(judgement.drive, batch)
     return try_form(present_model(fast, fitted.vector), [effect("ReturnSpring")], scales)
@@ -69,7 +68,7 @@ def test_a_view_is_what_the_verbs_say_of_each_recording():
     batch, held_out = make_batch(recordings, encoder_step=FINE), np.zeros(5, bool)
     z0 = np.array([0.0, 0.1, -0.1, 0.2, 0.0])
     judgement = Judgement(PLANT, z0, np.ones((5, 1)), held_out, batch)
-    bandwidth = bandwidth_of(SLOW_BANDWIDTH, np.ones(5), np.asarray(batch.dt))
+    bandwidth = np.minimum(SLOW_BANDWIDTH, 0.1 / np.asarray(batch.dt))
     seen = view(judgement, Scene(batch, held_out, bandwidth, tuple(one.name for one in recordings)))
     for row, recording in enumerate(recordings):
         n, dt, x = recording.x.size, 1.0 / recording.sample_rate, recording.x
