@@ -39,7 +39,6 @@ COMPILED_PLAINLY = (
     "tests/studies/test_machine_tasks.py",
     "tests/studies/test_run.py",
     "tests/studies/test_store.py",
-    "tests/studies/test_workers.py",
     "tests/test_study_command.py",
 )
 """Files and folders whose programs run for a moment and take long to compile: they are compiled with few optimisations,
