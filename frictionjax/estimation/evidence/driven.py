@@ -136,5 +136,5 @@ def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | Non
     """The recordings of `batch` through an observer of `bandwidth` Hz times the `pace` of each (1 where it is None), or
     as fast as their sample rate allows."""
     xp, (dt,) = known(batch.dt)
-    pace = xp.ones_like(dt) if pace is None else pace
-    return Observed(batch, observer_gains(xp.minimum(bandwidth * pace, 0.1 / dt), dt), pace)
+    own: Float[Numbers, " r"] = xp.ones_like(dt) if pace is None else pace
+    return Observed(batch, observer_gains(xp.minimum(bandwidth * own, 0.1 / dt), dt), own)
