@@ -8,6 +8,7 @@ from helpers_estimation import FINE, PLANT, closed_loop, open_loop
 from helpers_plants import effect
 from scipy.linalg import solve_discrete_are
 
+from frictionjax.diagnosis.evidence import pace as pace_module
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
 from frictionjax.diagnosis.evidence.pace import free_mass_bandwidth, pace_of
 from frictionjax.diagnosis.rule import Rule
@@ -73,6 +74,11 @@ def _unstable():
     t = np.arange(4000) / 2000.0
     recording = closed_loop("slow", 0.05 * np.sin(2.0 * np.pi * 0.5 * t), seed=2, drive=drive, noise=COARSE)
     return drive, make_batch((recording,), encoder_step=FINE)
+
+
+def test_where_no_pace_gives_finite_numbers_it_is_the_usual_one(monkeypatch):
+    monkeypatch.setattr(pace_module, "_answer", lambda *_: np.array([np.inf]))
+    assert pace_of(PLANT, _batch(), FITTED) == 1.0
 
 
 def test_unstable_sliding_is_observed_faster_and_its_growth_is_in_the_floor():

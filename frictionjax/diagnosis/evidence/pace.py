@@ -51,6 +51,7 @@ def pace_of(
         tried.append(np.minimum(2.0 * tried[-1], 1.0))
     if len(tried) == 1:
         return ones
+    tried.reverse()  # of those at which nothing is finite the fastest
     answers = [_answer(drive, batch, held_out, pace, rule) for pace in tried]
     return np.array(tried)[np.argmin(answers, axis=0), np.arange(ones.size)]
 
@@ -80,7 +81,8 @@ def _answer(
     for _ in range(_DRAWS):
         pushed = slow.recordings.with_input(force * rng.standard_normal(batch.x.shape))
         other = with_evidence(slow, pushed.with_noise(rng.standard_normal(batch.x.shape)))
-        powers.append(batch.block_mean((other.errors_at([vector])[0] - plain) ** 2))
+        with np.errstate(over="ignore", invalid="ignore"):  # a run that diverges has no finite answer
+            powers.append(batch.block_mean((other.errors_at([vector])[0] - plain) ** 2))
     recordings = slow.recordings
     assert isinstance(recordings, Observed)
     unit = np.asarray(batch.noise * innovation_gain(recordings.gains))[:, None]
