@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError, Progress, reporting, require_x64, silent
 from frictionjax.core.compile_time import CompileClock, Stages
+from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
@@ -22,33 +23,30 @@ from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.findings.as_given import view_as_given
 from frictionjax.diagnosis.findings.candidates import candidates
+from frictionjax.diagnosis.findings.missing import missing_effects
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
-from frictionjax.diagnosis.intake.starting_point import check, starting_point
+from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.locate import Located, locate
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.candidate_table import effect_p_values
-from frictionjax.diagnosis.selection.confidence import Evidence
 from frictionjax.diagnosis.selection.model_spread import moved
 from frictionjax.diagnosis.selection.select import select
 from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.verdict import (
     Diagnosis,
     MismatchBin,
-    MissingEffect,
     NextExperiment,
     Unexplained,
     Verdict,
 )
-from frictionjax.estimation.start.force_balance import force_balance
+from frictionjax.estimation.start.force_balance import Balanced, force_balance
 from frictionjax.physics import Drive
-from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Case, Plant
 from frictionjax.recordings.given import CaseData, case_of
 
@@ -117,24 +115,29 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     progress("starting values", 0.0)
     starting = starting_point(case)
     clock.stage("start")
-    base = base_of(
-        starting,
-        executor,
-        lambda stage, fraction: progress(stage, 0.02 + 0.2 * fraction),
-        rule=rule,
-    )
-    notes = [*starting.notes, *said_of_the_sensor(base.posterior)]
-    scene = scene_of(base, starting.names)
+
+    def progress_of_base(stage: str, fraction: float) -> None:
+        progress(stage, 0.02 + 0.2 * fraction)
+
+    base = base_of(starting, executor, progress_of_base, rule=rule)
     credible, error = credibility(base, rule=rule), ""
-    if not credible.is_credible(rule=rule):
-        progress("checking sign and inertia", 0.2)
-        error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
-    clock.stage("base fit")
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
     untestable |= {effect.name: "it is part of the base model" for effect in starting.own.effects}
+    left_out = barred_forms | frozenset(idle_effects() if starting.imposed else ())
+    balanced, heavy = _balanced(case, starting, left_out | frozenset(untestable)), None
+    if not credible.is_credible(rule=rule):
+        heavy = carried(starting, balanced(), executor, progress_of_base, rule=rule)
+        if heavy is not None:
+            base, balanced = heavy.base, lambda: heavy.forces
+            credible = credibility(base, rule=rule)
+        else:
+            progress("checking sign and inertia", 0.2)
+            error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
+    notes = [*starting.notes, *said_of_the_sensor(base.posterior)]
+    scene = scene_of(base, starting.names)
+    clock.stage("base fit")
     selection = None
     if not error:
-        left_out = barred_forms | frozenset(idle_effects() if starting.imposed else ())
         selection = select(
             base,
             executor,
@@ -142,15 +145,8 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
             without=left_out,
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
-            balanced=tuple
-            if starting.imposed or starting.own.effects
-            else functools.partial(
-                force_balance,
-                case.fit_recordings,
-                starting.start.drives,
-                inertia=plant.inertia,
-                without=left_out | frozenset(untestable),
-            ),
+            balanced=balanced,
+            carried=heavy is not None,
             rule=rule,
             effort=effort,
         )
@@ -217,7 +213,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     notes += [text for text in (warning, biased) if text]
     experiments, without_experiment = _experiments(steps, progress)
     notes += without_experiment
-    missing = _missing(steps, decision.evidence, extended, located.where, experiments)
+    missing = missing_effects(steps, decision.evidence, extended, located.where, experiments)
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
@@ -245,6 +241,22 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         rule=rule,
         effort=effort,
         unmeasured=unmeasured,
+    )
+
+
+def _balanced(
+    case: Case, starting: StartingPoint, without: frozenset[str]
+) -> Callable[[], tuple[Balanced, ...]]:
+    """What gives the forces that the force balance of the `case` asks for; none where the motion is imposed, or the
+    user's own model has effects."""
+    if starting.imposed or starting.own.effects:
+        return tuple
+    return functools.partial(
+        force_balance,
+        case.fit_recordings,
+        starting.start.drives,
+        inertia=case.plant.inertia,
+        without=without,
     )
 
 
@@ -336,48 +348,6 @@ def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextE
         else:
             found[step.accepted.effect] = designed
     return found, tuple(failed)
-
-
-def _missing(
-    steps: list[Step],
-    weights: Sequence[Evidence],
-    extended: dict[str, Estimate],
-    where: str,
-    experiments: dict[str, NextExperiment],
-) -> tuple[MissingEffect, ...]:
-    missing = []
-    accepted = [step for step in steps if step.accepted is not None]
-    for step, evidence in zip(accepted, weights, strict=True):
-        found = step.accepted
-        if found is None:
-            continue
-        posterior = found.model.posterior
-        effect, prefix = posterior.drive.effects[-1], f"effects.{len(posterior.drive.effects) - 1}."
-        parameters = {
-            p.parameter.name: extended[p.label] for p in posterior.layout if p.path.startswith(prefix)
-        }
-        members = (found.effect, *step.rivals)
-        missing.append(
-            MissingEffect(
-                effect=found.effect,
-                effect_class=members,
-                confidence=round(evidence.confidence, 3),
-                p_value=effect_p_values(step.trials)[found.effect],
-                parameters=parameters,
-                where=where,
-                split_by=_split_by(effect, members, experiments.get(found.effect)),
-                next_experiment=experiments.get(found.effect),
-                sentence=effect.about.sentence,
-                evidence=tuple(float(number) for number in evidence),
-            )
-        )
-    return tuple(missing)
-
-
-def _split_by(effect: AbstractEffect, members: tuple[str, ...], designed: NextExperiment | None) -> str:
-    if len(members) == 1:
-        return ""
-    return designed.sentence if designed is not None else effect.about.split_by
 
 
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:

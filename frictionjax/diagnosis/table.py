@@ -78,7 +78,8 @@ class Comparison:
     perfect model), `energies` (share of the power that is removed), `fit`, `held_out` (leads over the model without),
     `waves` (of each period, how many the stroke holds, and whether it is that of a force beside another force), `free`
     (parameters of `after`), `chaotic` (whether `after` has a gap), `p_value` (score test of the effect, Bonferroni over
-    its forms and grid), `gains_fit`, `gains_held_out` (difference of the losses by cluster).
+    its forms and grid), `gains_fit`, `gains_held_out` (difference of the losses by cluster), `makes_credible` (whether
+    `before` predicts no better than no model and `after` does, by the rule with which the table was made).
     """
 
     before: tuple[str, ...]
@@ -98,6 +99,7 @@ class Comparison:
     p_value: float = 0.0
     gains_fit: tuple[float, ...] = ()
     gains_held_out: tuple[float, ...] = ()
+    makes_credible: bool = False
 
     def gains(self, rule: Rule) -> Gains:
         """What the comparison says by the `rule`."""

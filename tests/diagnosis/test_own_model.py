@@ -3,8 +3,8 @@
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
+from helpers_arm import ARM, SINE, swings
 from helpers_plants import effect
 
 from frictionjax.core import InputError, silent
@@ -13,33 +13,11 @@ from frictionjax.diagnosis.base_model.fit_base import base_of, parameters_of
 from frictionjax.diagnosis.intake.own_model import own_model
 from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.estimation.parameters import part_of
-from frictionjax.physics import Drive, LuGre
-from frictionjax.recordings import Case, Given, GivenEffect, GivenModel, Plant, Recording
-from frictionjax.simulation import simulate
+from frictionjax.recordings import Case, Given, GivenEffect, GivenModel, Plant
 
-RATE, SINE, NOISE = 200.0, 11.0, 2e-5
-GRAVITY = effect("GravityPendulum", sine=SINE)
-ARM = Drive(0.35, LuGre(sigma0=900.0, sigma1=6.0, sigma2=0.08, Fc=0.65, Fs=0.8, vs=0.05), effects=(GRAVITY,))
-"""An arm whose gravity is seventeen times its friction."""
 UNITS = {"force": "N*m", "position": "rad", "input": "N*m"}
 LUGRE = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
 NAMED = GivenModel(effects=(GivenEffect("gravity_pendulum"),))
-
-
-def swings(drive=ARM, seconds=8.0):
-    """Four recordings of the arm on its way to and fro, the last one held out."""
-    rng, found = np.random.default_rng(7), []
-    t = np.arange(round(seconds * RATE)) / RATE
-    for number in range(4):
-        slow, fast = 2.0 * np.pi * (0.21 + 0.05 * number), 2.0 * np.pi * 0.83
-        x = 0.8 * np.sin(slow * t + number) + 0.4 * np.sin(fast * t + 2.0 * number)
-        v = 0.8 * slow * np.cos(slow * t + number) + 0.4 * fast * np.cos(fast * t + 2.0 * number)
-        a = np.gradient(v, t)
-        u = SINE * np.sin(x) + 0.35 * a + 0.65 * np.tanh(v / 0.02)
-        moved = np.asarray(simulate(drive, u, RATE, substeps=20).x) + NOISE * rng.standard_normal(t.size)
-        role = "holdout" if number == 3 else "fit"
-        found.append(Recording(f"swing_{number}", RATE, u, moved, role=role))
-    return tuple(found)
 
 
 @pytest.fixture(scope="module")

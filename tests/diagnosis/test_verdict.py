@@ -8,8 +8,9 @@ from helpers_diagnosis import fake_recording
 from helpers_plants import TABLE_I
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.diagnose import _missing, _unexplained
+from frictionjax.diagnosis.diagnose import _unexplained
 from frictionjax.diagnosis.findings.candidates import candidates
+from frictionjax.diagnosis.findings.missing import missing_effects
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable
@@ -335,7 +336,7 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     rest, weights = {"trials": [trial]}, [Evidence(0.9, 0.8, 0.5, 0.95)]
     step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), **rest)
     extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
-    (found,) = _missing([step], weights, extended, "stick", {})
+    (found,) = missing_effects([step], weights, extended, "stick", {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
     assert found.confidence == pytest.approx(Evidence(*found.evidence).confidence, abs=1e-3)
@@ -343,9 +344,12 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     assert found.split_by == form.about.split_by
     assert found.sentence == form.about.sentence
     designed = SimpleNamespace(sentence="To distinguish delay from drive_lag: a sine.")
-    assert _missing([step], weights, extended, "stick", {"delay": designed})[0].split_by == designed.sentence
+    assert (
+        missing_effects([step], weights, extended, "stick", {"delay": designed})[0].split_by
+        == designed.sentence
+    )
     alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
-    assert _missing([alone], weights, extended, "stick", {})[0].split_by == ""
+    assert missing_effects([alone], weights, extended, "stick", {})[0].split_by == ""
 
 
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
@@ -383,6 +387,10 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
     assert not by_name["gravity_pendulum"].tested
     assert by_name["gravity_pendulum"].reason == "the position is no angle"
+    # After a force without which there was no model, what was not tested had nothing to be tested by.
+    first = SimpleNamespace(**vars(step) | {"compared": [_row((0.9, 0.8), makes_credible=True)] * 2})
+    rows = {row.effect: row.reason for row in candidates([first], units, {})}
+    assert rows["maxwell_slip"].startswith("not tested: what carries the motor force")
     # What would have been accepted later, but was not, says why; what is named does not.
     later = SimpleNamespace(
         **vars(step) | {"accepted": None, "compared": [_row((0.9, 0.8))] * 2, "dropped": "too late"}

@@ -6,6 +6,7 @@ of the two is enough, for each can fail on a good model: no model predicts a con
 reference, and one break-away that is predicted too late outweighs minutes of stick in the energy.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,13 @@ def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
         )
     )
     return Credibility(*energy_and_lead(reference[rows], power[rows], count[rows], rule), failed)
+
+
+def made_credible(before: Model, after: Sequence[Model], rule: Rule) -> tuple[bool, ...]:
+    """Of each model `after` whether it is credible where the one `before` is not, by the `rule`."""
+    if credibility(before, rule=rule).is_credible(rule=rule):
+        return (False,) * len(after)
+    return tuple(credibility(one, rule=rule).is_credible(rule=rule) for one in after)
 
 
 def _better(energy: float, lead: float) -> bool:

@@ -62,6 +62,7 @@ def fit_base(
     progress: Progress,
     *,
     fixed: frozenset[str] = frozenset(),
+    like: Model | None = None,
     rule: Rule = Rule(),
 ) -> Model:
     """Fit inertia, LuGre parameters and effects of the `starts` to the recordings of `batch` that are not `held_out`,
@@ -78,7 +79,9 @@ def fit_base(
     progress(f"base fit: {len(starts)} starting values", 0.0)
     # Each has a range of its own: starts may lie orders of magnitude apart.
     scales = plant_scales(starts[0], batch)
-    pace = pace_of(starts[0], batch, held_out, rule=rule)
+    pace = (
+        pace_of(starts[0], batch, held_out, rule=rule) if like is None else like.posterior.recordings.pace  # type: ignore[attr-defined]
+    )
     posed = [
         robust_posterior(start, batch, held_out, scales=scales, fixed=fixed, pace=pace) for start in starts
     ]
@@ -96,10 +99,12 @@ def fit_base(
             "the motor constant."
         )
     posterior, fitted = min(zip(slow, refined, strict=True), key=lambda pair: pair[1].misfit)
-    if is_coarse(posterior):
+    if is_coarse(posterior) and like is None:
         progress("base fit: likeliest parameters", 0.7)
         posterior, fitted = _at_its_own_pace(posterior, fitted, held_out, rule)
-    steps = steps_needed(posterior, fitted.vector, rule=rule)
+    steps = (
+        steps_needed(posterior, fitted.vector, rule=rule) if like is None else like.posterior.batch.substeps
+    )
     if steps > 1:
         progress(f"base fit: {steps} integration steps a sample", 0.8)
         posterior = with_steps(posterior, steps)

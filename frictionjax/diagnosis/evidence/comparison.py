@@ -18,6 +18,7 @@ def compare(
     *,
     added: AbstractEffect | None = None,
     p_value: float = 0.0,
+    makes_credible: bool = False,
     rule: Rule = Rule(),
 ) -> Comparison:
     """`after` against `before`, above the `floor` of each block.
@@ -28,6 +29,7 @@ def compare(
     - `floor`: power of each block that a perfect model would leave.
     - `added`: the effect that is added; None where several are.
     - `p_value`: of the score test of the effect that is added; 0 where it has passed one before.
+    - `makes_credible`: as in `Comparison`.
     - `rule`: for what enters the comparison itself (`Rule.floor`).
     """
     held = before.held_out
@@ -51,6 +53,7 @@ def compare(
         p_value=float(p_value),
         gains_fit=tuple(gains[~held][scored[~held]].tolist()),
         gains_held_out=tuple(gains[held][scored[held]].tolist()),
+        makes_credible=makes_credible,
     )
 
 

@@ -7,6 +7,9 @@ from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.verdict import Candidate
 from frictionjax.physics.effects import catalogue
 
+_NO_MOTION = "the recordings hold no motion that would show it"
+_NOTHING_LEFT = "not tested: what carries the motor force leaves nothing to test it by"
+
 
 def candidates(
     steps: list[Step], units: dict[str, str], untestable: dict[str, str], *, rule: Rule = Rule()
@@ -30,7 +33,8 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str, rule
     dropped = next((s for s in rounds if s.dropped and any(r.effect == name for r in s.refits)), None)
     step = named or dropped or (rounds[0] if rounds else None)
     if step is None:
-        reason = why_not or "the recordings hold no motion that would show it"
+        first = any(row.makes_credible for step in steps for row in step.compared)
+        reason = why_not or (_NOTHING_LEFT if first else _NO_MOTION)
         return Candidate(name, float("nan"), {}, False, reason)
     if named is not None and named.accepted is not None:
         trial = named.accepted.trial

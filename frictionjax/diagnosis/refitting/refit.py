@@ -83,9 +83,33 @@ def refit_all(
     """
     if not trials:
         return []
-    budget = effort.refitting
+    budget, start = effort.refitting, _start(model, scales, hints, rule, effort)
+    candidates = _longest_first(executor, start, trials)
+    candidates = _foremost(candidates, start, budget.lagging)
+    candidates = list(executor.map(lambda one: further(start, one), candidates))
+    candidates = _from_other_starts(candidates, trials, start, hints, executor)
+    finalists = _near_the_best(candidates, start)
+    return list(executor.map(lambda one: with_slow_observer(start, one), finalists))
+
+
+def refit_balanced(
+    model: Model,
+    scales: dict[str, float],
+    executor: Executor,
+    hints: Hints,
+    *,
+    rule: Rule = Rule(),
+    effort: Effort = Effort(),
+) -> list[Refitted]:
+    """Refits of the forces alone that the force balance asks for, from it; arguments as in `refit_all`."""
+    start = _start(model, scales, hints, rule, effort)
+    candidates = list(executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced()))
+    return list(executor.map(lambda one: with_slow_observer(start, one), candidates))
+
+
+def _start(model: Model, scales: dict[str, float], hints: Hints, rule: Rule, effort: Effort) -> Start:
     fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
-    start = Start(
+    return Start(
         model=model,
         fast=fast,
         misfit=float(fast.misfits([model.fitted.vector])[0]),
@@ -98,12 +122,6 @@ def refit_all(
         rule=rule,
         effort=effort,
     )
-    candidates = _longest_first(executor, start, trials)
-    candidates = _foremost(candidates, start, budget.lagging)
-    candidates = list(executor.map(lambda one: further(start, one), candidates))
-    candidates = _from_other_starts(candidates, trials, start, hints, executor)
-    finalists = _near_the_best(candidates, start)
-    return list(executor.map(lambda one: with_slow_observer(start, one), finalists))
 
 
 def _from_other_starts(

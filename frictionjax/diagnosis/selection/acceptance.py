@@ -23,7 +23,7 @@ def acceptable(row: Comparison, rule: Rule) -> tuple[bool, str]:
         return False, "the recordings that it is fitted to are explained no better with it"
     if not clear(row, rule):
         return False, f"not significant (p = {row.p_value:.2g})"
-    if gains.share > limits.least_share:
+    if gains.share > limits.least_share or row.makes_credible:
         return True, ""
     if far_from_noise(row, rule) and gains.energy > limits.least_energy and gains.share > 0.0:
         return True, ""

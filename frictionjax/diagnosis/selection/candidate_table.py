@@ -5,6 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.evidence.comparison import between, compare, forms_of
 from frictionjax.diagnosis.evidence.judgement import Judgement, explained
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
@@ -65,6 +66,7 @@ def table_of_candidates(
     - `rule`: for what enters the comparisons.
     """
     p_values, judgement = effect_p_values(trials), model.judgement
+    credible = made_credible(model, [refit.model for refit in refits], rule)
     rows = tuple(
         compare(
             judgement,
@@ -72,9 +74,10 @@ def table_of_candidates(
             ground.floor,
             added=refit.trial.form,
             p_value=p_values[refit.effect],
+            makes_credible=makes,
             rule=rule,
         )
-        for refit in refits
+        for refit, makes in zip(refits, credible, strict=True)
     )
     return Table(
         key=key,

@@ -11,7 +11,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.refitting.refit import Hints, refit_all
+from frictionjax.diagnosis.refitting.refit import Hints, refit_all, refit_balanced
 from frictionjax.diagnosis.refitting.refitted import Refitted, polish
 from frictionjax.diagnosis.refitting.shortlist import (
     absorbed_by_base,
@@ -38,7 +38,8 @@ class Candidates:
     plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
     or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
     not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives the forces that the force
-    balance asks for), `rule`, `effort`, `base_effects` (how many the base model has).
+    balance asks for), `rule`, `effort`, `base_effects` (how many the base model has), `carried` (whether the base model
+    is none of the machine, because one of those forces carries most of the motor force).
     """
 
     executor: Executor
@@ -52,11 +53,14 @@ class Candidates:
     rule: Rule
     effort: Effort
     base_effects: int = 0
+    carried: bool = False
 
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
         converged; with the model without them, which is a better one where a refit led to it."""
         budget, start, span = self.effort.screening, number / self.effort.rounds, 1.0 / self.effort.rounds
+        if self.carried and number == 0:
+            return self._of_the_balance(model)
         self.progress(f"testing every effect, round {number + 1}", start)
         tried = try_catalogue(model, self.scales, self.executor, self.without, self.pair, effort=self.effort)
         most = budget.first_forms if number == 0 else budget.later_forms
@@ -74,12 +78,30 @@ class Candidates:
         refits = refit_all(
             chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
         )
+        return self._with_twins(model, [trial for some in tried for trial in some], refits)
+
+    def _of_the_balance(self, model: Model) -> tuple[Model, list[Trial], list[Refitted]]:
+        """As `beside`, of the forces alone that the force balance asks for: beside a base model that is none of the
+        machine no test says anything."""
+        names = {one.effect.name for one in self.balanced()} - self.barred
+        self.progress(f"refitting {', '.join(sorted(names))}, as the force balance asks", 0.0)
+        without = self.without | (frozenset(catalogue()) - names)
+        tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
+        trials = [trial for some in tried for trial in some]
+        hints = Hints(self.pair, base_effects=self.base_effects, balanced=lambda: self._asked_for(trials))
+        refits = refit_balanced(model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort)
+        return self._with_twins(model, trials, refits)
+
+    def _with_twins(
+        self, model: Model, trials: list[Trial], refits: list[Refitted]
+    ) -> tuple[Model, list[Trial], list[Refitted]]:
+        """The `model`, or a better one that a refit led to, with the `trials` and the `refits`, and those of what the
+        best of them is commonly taken for."""
         model = better_base(model, refits, effort=self.effort)
         refits = self._best_first(model, refits)
         instead, twins = self._in_place_of_the_best(model, refits)
         refits = self._best_first(model, [*refits, *twins])
-        trials = with_tests([trial for some in tried for trial in some], instead)
-        return model, trials, self._polished(model, refits)
+        return model, with_tests(trials, instead), self._polished(model, refits)
 
     def _in_place_of_the_best(
         self, model: Model, refits: list[Refitted]

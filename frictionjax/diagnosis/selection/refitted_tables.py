@@ -7,6 +7,7 @@ from typing import Protocol
 import equinox as eqx
 import numpy as np
 
+from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare, forms_of
 from frictionjax.diagnosis.evidence.judgement import judge
@@ -243,7 +244,12 @@ class RefittedTables:
         if asked in self._single:
             return self._single[asked]
         row = self._single[asked] = compare(
-            before.judgement, after.judgement, floor, added=added, rule=self._rule
+            before.judgement,
+            after.judgement,
+            floor,
+            added=added,
+            makes_credible=made_credible(before, [after], self._rule)[0],
+            rule=self._rule,
         )
         self.tables.append(
             Table(

@@ -45,6 +45,7 @@ def select(
     barred: frozenset[str] = frozenset(),
     stick_inertia: float | None = None,
     balanced: Callable[[], tuple[Balanced, ...]] = tuple,
+    carried: bool = False,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> Selection:
@@ -59,6 +60,8 @@ def select(
     - `barred`: names of effects that are tested, for their smallest detectable size, but not refitted.
     - `stick_inertia`: the inertia that noise in stick shows, where a recording has some.
     - `balanced`: gives the forces that the force balance asks for; called only where refits are stuck.
+    - `carried`: the base model is none of the machine, because one of those forces carries most of the motor force:
+        the first effect is one of them.
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
 
@@ -67,7 +70,9 @@ def select(
     """
 
     def selected(base: Model) -> Selection:
-        return _selected(base, executor, progress, without, barred, stick_inertia, balanced, rule, effort)
+        return _selected(
+            base, executor, progress, without, barred, stick_inertia, balanced, carried, rule, effort
+        )
 
     found = selected(model)
     again = _at_the_pace_of(found, model, rule)
@@ -92,6 +97,7 @@ def _selected(
     barred: frozenset[str],
     stick_inertia: float | None,
     balanced: Callable[[], tuple[Balanced, ...]],
+    carried: bool,
     rule: Rule,
     effort: Effort,
 ) -> Selection:
@@ -116,6 +122,7 @@ def _selected(
         rule,
         effort,
         base_effects=len(posterior.drive.effects),
+        carried=carried,
     )
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)
