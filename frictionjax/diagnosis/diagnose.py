@@ -23,6 +23,7 @@ from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
 from frictionjax.diagnosis.findings.as_given import view_as_given
 from frictionjax.diagnosis.findings.candidates import candidates
+from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.missing import missing_effects
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
@@ -172,6 +173,11 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     verdict, left = decision.verdict, (decision.remains, decision.share)
     if steps[0].together:
         notes.append(_UNDETERMINED)
+    progress("what any force would explain", 0.8)
+    ceiling = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
+    if verdict == "adequate" and ceiling is not None and ceiling.above:
+        verdict, left = "unknown", (True, 1.0)
+    clock.stage("ceiling")
     residual = None
     if verdict == "unknown":
         progress("mapping the residual force", 0.82)
@@ -225,7 +231,15 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         plant=plant,
         verdict=verdict,
         summary=summary_sentence(
-            verdict, missing, unexplained, located.where, fits, unmeasured, plant.force_unit, rule=rule
+            verdict,
+            missing,
+            unexplained,
+            located.where,
+            fits,
+            unmeasured,
+            ceiling,
+            plant.force_unit,
+            rule=rule,
         ),
         missing=missing,
         unexplained=unexplained,
@@ -241,7 +255,13 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         rule=rule,
         effort=effort,
         unmeasured=unmeasured,
+        ceiling=ceiling,
     )
+
+
+def _since(starting: StartingPoint) -> Float[np.ndarray, " r"]:
+    """Time since power-on of the first sample of each recording, s; zero where it is not known."""
+    return np.array([recording.start_time or 0.0 for recording in starting.recordings])
 
 
 def _balanced(

@@ -231,6 +231,20 @@ class Residual:
 
 
 @dataclasses.dataclass(frozen=True)
+class CeilingRule:
+    """When a free force predicts better than the model.
+
+    **Attributes:**
+
+    - `lead`: standard errors by which it must lead on the held-out recordings, which no fit used. Larger: physics that
+      no effect of the catalogue describes passes for noise; smaller: one machine in a thousand with nothing missing is
+      not adequate. The usual level of three.
+    """
+
+    lead: float = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
 class Place:
     """Which places of the map of the mismatch are reported.
 
@@ -281,7 +295,7 @@ class Rule:
 
     **Attributes:** `floor` (what enters the comparisons), `accept` (a candidate), `rivals` (names of one class),
     `limits` (verdicts), `credible` (the base fit), `testable` (what an effect needs), `residual` (a map of the missing
-    force), `place` (where the mismatch is).
+    force), `ceiling` (a free force), `place` (where the mismatch is).
     """
 
     floor: Floor = Floor()
@@ -291,6 +305,7 @@ class Rule:
     credible: Credible = Credible()
     testable: Testable = Testable()
     residual: Residual = Residual()
+    ceiling: CeilingRule = CeilingRule()
     place: Place = Place()
 
     def numbers(self) -> dict[str, float]:

@@ -132,6 +132,29 @@ class Unmeasured:
 
 
 @dataclass(frozen=True)
+class Ceiling:
+    """How much a force that is free in what is known at each instant would explain beside the last model.
+
+    **Attributes:** `misfit_model`, `misfit_free` (per sample of the held-out recordings, above sensor noise, of the
+    model without it and with it), `share_fit`, `share_holdout` (share of the misfit that it removes), `lead` (in
+    standard errors, on held-out recordings), `force` (root mean square, force units), `of_coulomb`, `of_applied` (over
+    Coulomb friction, over the applied force), `variable` (that carries most of it), `above` (whether it predicts
+    held-out recordings significantly better).
+    """
+
+    misfit_model: float
+    misfit_free: float
+    share_fit: float
+    share_holdout: float
+    lead: float
+    force: float
+    of_coulomb: float
+    of_applied: float
+    variable: str
+    above: bool
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect of the catalogue, and the evidence for it.
 
@@ -194,8 +217,9 @@ class Diagnosis(AbstractDisplayed):
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
-    two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, and the
-    force that the last model needs beside it, `unmeasured` (None where no effect was tested).
+    two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, the force
+    that the last model needs beside it, `unmeasured`, and what a free force would explain beside it, `ceiling` (None
+    where no effect was tested).
     """
 
     case: str = eqx.field(static=True)
@@ -216,6 +240,7 @@ class Diagnosis(AbstractDisplayed):
     rule: Rule = eqx.field(static=True, default=Rule())
     effort: Effort = eqx.field(static=True, default=Effort())
     unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
+    ceiling: Ceiling | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:

@@ -3,9 +3,9 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, cast, get_args
+from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +18,7 @@ from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_of
 from frictionjax.diagnosis.verdict import (
     Candidate,
+    Ceiling,
     Diagnosis,
     MismatchBin,
     MissingEffect,
@@ -34,6 +35,7 @@ from frictionjax.recordings.words import require_file, shown
 from frictionjax.report.fit_csv import COLUMNS
 from frictionjax.report.save import SCHEMA
 
+_T = TypeVar("_T")
 _AGAIN = "Diagnose the case again and save it with this version of frictionjax"
 
 
@@ -85,12 +87,16 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             comparisons=tuple(table_of(entry.content) for entry in searched.listed("tables")),
             rule=_rebuilt(Rule(), searched.table("rule").content),
             effort=_rebuilt(Effort(), searched.table("effort").content),
-            unmeasured=None
-            if root.content.get("unmeasured_force") is None
-            else Unmeasured(**_numbered(root.table("unmeasured_force").content)),
+            unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
+            ceiling=_if_there(root, "ceiling", Ceiling),
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, folder / "verdict.json") from error
+
+
+def _if_there(root, name: str, kind: Callable[..., _T]) -> _T | None:
+    """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
+    return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
 
 
 class _Searched(NamedTuple):

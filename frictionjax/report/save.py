@@ -121,6 +121,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
             for part in diagnosis.within
         ],
         "unmeasured_force": diagnosis.unmeasured and dataclasses.asdict(diagnosis.unmeasured),
+        "ceiling": diagnosis.ceiling and dataclasses.asdict(diagnosis.ceiling),
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)

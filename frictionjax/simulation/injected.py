@@ -136,6 +136,14 @@ def _signals(parts: dict[str, Float[Array, " n"]], n: int) -> Signals:
     return Signals((*(value - _NEUTRAL[name] for name, value in parts.items()), *empty), jnp.asarray(places))
 
 
+def force_signals(force: Float[np.ndarray, "k w n"]) -> Signals:
+    """Signals of opposing forces alone, force units, each along `w` recordings; leaves of shape `(k, w, ...)`."""
+    places = np.zeros((len(_NEUTRAL), _SLOTS))
+    places[list(_NEUTRAL).index("opposing"), 0] = 1.0
+    empty = [np.zeros_like(force)] * (_SLOTS - 1)
+    return Signals((force, *empty), np.broadcast_to(places, (*force.shape[:2], *places.shape)))  # type: ignore[arg-type]
+
+
 class Along(eqx.Module):
     """Inputs and variables of a model at one sample or along one recording, `(n,)`, whatever effects the model has.
 

@@ -22,6 +22,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
     gap_force,
     is_predictable,
 )
+from frictionjax.diagnosis.findings.ceiling import is_above
 from frictionjax.diagnosis.findings.residual_map import helps
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.coverage import Coverage
@@ -331,6 +332,10 @@ PROBES: dict[str, list[Probe]] = {
     "residual.share": [
         (lambda rule: helps(Gains(0.0, 0.07, 0.0, 0.0, 0.0, 9.0, True), rule), False),
         (lambda rule: helps(Gains(0.0, 0.12, 0.0, 0.0, 0.0, 9.0, True), rule), True),
+    ],
+    "ceiling.lead": [
+        (lambda rule: is_above(2.9, 0.1, rule), False),
+        (lambda rule: is_above(3.1, 0.1, rule), True),
     ],
     "place.significant": [
         (lambda rule: stands_out(_bin("regime", "stick", 1.0, 9.0, p_value=0.06), rule=rule), False),

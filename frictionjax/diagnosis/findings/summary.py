@@ -1,7 +1,7 @@
 """The verdict in plain words."""
 
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.verdict import MissingEffect, RecordingFit, Unexplained, Unmeasured
+from frictionjax.diagnosis.verdict import Ceiling, MissingEffect, RecordingFit, Unexplained, Unmeasured
 
 
 def summary_sentence(
@@ -11,6 +11,7 @@ def summary_sentence(
     where: str,
     fits: tuple[RecordingFit, ...],
     unmeasured: Unmeasured | None = None,
+    ceiling: Ceiling | None = None,
     unit: str = "",
     *,
     rule: Rule = Rule(),
@@ -25,6 +26,7 @@ def summary_sentence(
     - `where`: where the base model's mismatch is, in words.
     - `fits`: the recordings, for the held-out errors.
     - `unmeasured`: the force that the model needs beside it, in the force `unit`.
+    - `ceiling`: what a free force would explain beside the last model.
     - `rule`: from where that force is stated.
     """
     if verdict == "adequate":
@@ -39,6 +41,7 @@ def summary_sentence(
     held_out = _held_out(fits)
     if not missing:
         text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
+        text = f"{text} {_free(ceiling, unit)}".strip()
         return f"{text} {_carried(unexplained)} {held_out}".strip() if unexplained.carried_by else text
     named = "; ".join(_named(effect) for effect in missing)
     text = f"Missing from the base model: {named}. The mismatch is in: {where}. {held_out}"
@@ -48,7 +51,19 @@ def summary_sentence(
         )
         if unexplained.carried_by:
             text += f" {_carried(unexplained)}"
-    return text.strip()
+    return f"{text} {_free(ceiling, unit)}".strip()
+
+
+def _free(ceiling: Ceiling | None, unit: str) -> str:
+    """What a free force explains, where that is significant."""
+    if ceiling is None or not ceiling.above:
+        return ""
+    return (
+        f"A force that is free in {ceiling.variable} predicts the held-out recordings significantly better: it is "
+        f"{ceiling.force:.2g} {unit} rms ({100 * ceiling.of_coulomb:.2g} % of Coulomb friction, "
+        f"{100 * ceiling.of_applied:.2g} % of the applied force) and removes {100 * ceiling.share_holdout:.0f} % of "
+        "the misfit that is left there."
+    )
 
 
 def _carried(unexplained: Unexplained) -> str:

@@ -12,7 +12,7 @@ from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.pieces import Piece, put_together
+from frictionjax.estimation.data.pieces import Piece, padded_lanes, put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
@@ -23,7 +23,14 @@ from frictionjax.physics import Drive, LuGre, Push
 from frictionjax.physics.effects import AbstractEffect, Before
 from frictionjax.simulation import Gains, innovation_gain, observe
 from frictionjax.simulation.fixed import Start
-from frictionjax.simulation.injected import Along, Signals, along, injected_innovations, signals_along
+from frictionjax.simulation.injected import (
+    Along,
+    Signals,
+    along,
+    force_signals,
+    injected_innovations,
+    signals_along,
+)
 from frictionjax.simulation.observer import corrected_states
 
 BESIDE = 4
@@ -127,6 +134,25 @@ class Present(eqx.Module):
             found.append((piece, e))
         errors = put_together(found, recordings.rows, recordings.samples, axis=1)
         return np.split(errors, np.cumsum([len(own) for own, _ in filled])[:-1])[: len(blocks)]
+
+    def with_forces(
+        self, vectors: Float[np.ndarray, "k q"], forces: Float[np.ndarray, "k r n"]
+    ) -> Float[np.ndarray, "k r n"]:
+        """Standardised innovations of this model at each of the `vectors` with an opposing force of its own along each
+        recording, force units. The motion must not be imposed."""
+        recordings, found = self.posterior.recordings, []
+        assert isinstance(recordings, Observed)
+        for first in range(0, len(vectors), BESIDE * _TOGETHER):
+            some = vectors[first : first + BESIDE * _TOGETHER]
+            few = np.concatenate([np.arange(len(some)), np.repeat(len(some) - 1, -len(some) % BESIDE)])
+            blocks = []
+            for own in few.reshape(-1, BESIDE) + first:
+                signals = [
+                    force_signals(padded_lanes(forces[own], piece)) for piece, _ in recordings.in_pieces()
+                ]
+                blocks.append((vectors[own], signals))
+            found.append(np.concatenate(self._run(blocks))[: len(some)])
+        return np.concatenate(found)
 
     def injected(
         self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]

@@ -97,6 +97,12 @@ def padded(
     return kept(values, (tuple(piece.lanes), piece.length, beyond), make)
 
 
+def padded_lanes(values: Float[np.ndarray, "k r n"], piece: Piece) -> Float[np.ndarray, "k w m"]:
+    """The lanes of the `piece` of several signals of each recording, padded to its length with zeros."""
+    own = np.asarray(values)[:, piece.lanes, : piece.length]
+    return np.pad(own, ((0, 0), (0, 0), (0, piece.length - own.shape[2])))
+
+
 _KEPT: dict[int, tuple[weakref.ref, dict]] = {}
 
 
