@@ -10,6 +10,7 @@ from frictionjax.diagnosis import Diagnosis as Diagnosis
 from frictionjax.diagnosis import Effort as Effort
 from frictionjax.diagnosis import Rule as Rule
 from frictionjax.diagnosis import diagnose as diagnose
+from frictionjax.diagnosis import warm as warm
 from frictionjax.estimation import Bootstrap as Bootstrap
 from frictionjax.estimation import Cauchy as Cauchy
 from frictionjax.estimation import FitResult as FitResult
@@ -178,4 +179,5 @@ __all__ = [
     "simulate_imposed",
     "summarise",
     "urdf_dynamics",
+    "warm",
 ]

@@ -45,6 +45,7 @@ def parser() -> argparse.ArgumentParser:
     _explain(commands)
     _demo(commands)
     _paper(commands)
+    _warm(commands)
     return whole
 
 
@@ -301,6 +302,33 @@ def _paper(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of all noise (default: %(default)s)"
     )
+
+
+def _warm(commands: Any) -> None:
+    command = _command(
+        commands,
+        "warm",
+        "compile what diagnoses need, so that later ones need not wait for it",
+        "Compile and keep the programs of the base model, alone and with each effect of the catalogue: minutes, once "
+        "for each version and machine. What is there already is not made again.",
+        "frictionjax warm",
+        "frictionjax warm --effect gravity_pendulum ripple delay",
+    )
+    command.add_argument(
+        "--effect",
+        nargs="+",
+        action="extend",
+        metavar="EFFECT",
+        help="only these effects (default: the whole catalogue)",
+    )
+    command.add_argument(
+        "--longest",
+        type=int,
+        default=16384,
+        metavar="SAMPLES",
+        help="samples of the longest recording to come (default: %(default)s)",
+    )
+    _json(command, "what was kept")
 
 
 def _inputs(command: argparse.ArgumentParser) -> None:

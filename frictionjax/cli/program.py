@@ -90,6 +90,7 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
         "frf": compute.frf,
         "simulate": compute.simulate,
         "study": study.study,
+        "warm": work.warm,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("always", FrictionjaxWarning)

@@ -1,4 +1,4 @@
-"""The commands that diagnose: `diagnose`, `demo`, `paper`."""
+"""The commands that diagnose: `diagnose`, `demo`, `paper`; and `warm`, which compiles for them."""
 
 import json
 from pathlib import Path
@@ -65,6 +65,31 @@ def paper(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     terminal.close()
     say(paper_lines(found, explained, bench))
     say(["", "Written:", *(f"  {file}" for file in files)])
+
+
+def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax warm`."""
+    from frictionjax.api import warm
+
+    found = warm(arguments.effect, longest=arguments.longest, progress=terminal.part(0.0, 1.0))
+    terminal.close()
+    if arguments.json:
+        say_json(
+            {
+                "structures": found.structures,
+                "programs": found.programs,
+                "megabytes": found.megabytes,
+                "seconds": found.seconds,
+                "folder": str(found.folder),
+            }
+        )
+        return
+    say(
+        [
+            f"{found.structures} models in {found.seconds:.0f} s: {found.programs} programs, "
+            f"{found.megabytes:.3g} MB, in {found.folder}",
+        ]
+    )
 
 
 def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float) -> "Diagnosis":

@@ -4,3 +4,5 @@ from frictionjax.diagnosis.diagnose import diagnose as diagnose
 from frictionjax.diagnosis.effort import Effort as Effort
 from frictionjax.diagnosis.rule import Rule as Rule
 from frictionjax.diagnosis.verdict import Diagnosis as Diagnosis
+from frictionjax.diagnosis.warm import Warmed as Warmed
+from frictionjax.diagnosis.warm import warm as warm

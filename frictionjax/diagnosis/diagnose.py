@@ -173,8 +173,10 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     verdict, left = decision.verdict, (decision.remains, decision.share)
     if steps[0].together:
         notes.append(_UNDETERMINED)
-    progress("what any force would explain", 0.8)
-    ceiling = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
+    ceiling = None
+    if verdict != "named" or decision.remains:
+        progress("what any force would explain", 0.8)
+        ceiling = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
     if verdict == "adequate" and ceiling is not None and ceiling.above:
         verdict, left = "unknown", (True, 1.0)
     clock.stage("ceiling")

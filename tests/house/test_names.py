@@ -36,7 +36,7 @@ EXPECTED = sorted(
         *("DesignedMultisine", "optimise_multisine"),
         *("load_fit", "save_fit", "save_diagnosis", "load_diagnosis", "plot", "MujocoJoint", "mujoco_joint"),
         *("JointModel", "bam_parameters", "isaac_lab_actuator", "urdf_dynamics"),
-        *("FrictionjaxWarning", "InputError", "PrecisionError"),
+        *("FrictionjaxWarning", "InputError", "PrecisionError", "warm"),
     }
 )
 """Every public name. A new one is added here on purpose."""

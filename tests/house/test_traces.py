@@ -15,7 +15,7 @@ from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
 from helpers_studies import kept_study, run_scaled
-from helpers_traces import columns, loaded, programs, recordings, saved_diagnosis, start
+from helpers_traces import columns, information, loaded, programs, recordings, saved_diagnosis, start
 from scipy.signal import lfilter
 
 import frictionjax.api as api
@@ -305,7 +305,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         lambda folder: api.extrapolate_to_zero_amplitude([0.1, 0.2, 0.3], [9.0, 8.0, 7.0], [0.1, 0.1, 0.1]),
     ),
     "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
-    "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(_information())),
+    "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(information())),
     "load_case": ("reads files", lambda folder: toml(folder)()),
     "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
@@ -324,6 +324,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         "small least squares next to one peak, in numpy",
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
     ),
+    "warm": ("compiles on purpose", lambda folder: _refused()),
     "load_study": ("reads files", lambda folder: api.load_study(kept_study(folder))),
     "summarise": ("numpy on the results", lambda folder: api.summarise(api.load_study(kept_study(folder)))),
 }
@@ -336,9 +337,9 @@ def _configure() -> None:
         api.configure_jax()
 
 
-def _information() -> api.Information:
-    matrix = 1e8 * (np.eye(2) + 0.1)
-    return api.Information(("J", "Fc"), ("", ""), (True, True), np.ones(2), np.ones(2), matrix[None])
+def _refused() -> None:
+    with pytest.raises(api.InputError):
+        api.warm(["nothing"])
 
 
 def _saved(folder):

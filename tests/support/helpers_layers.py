@@ -29,7 +29,7 @@ ROOMS = {
     ],
     "diagnosis": [
         *("rule", "effort", "table", "explain", "verdict", "evidence", "intake", "base_model"),
-        *("screening", "refitting", "selection", "mismatch_map", "findings", "diagnose"),
+        *("screening", "refitting", "selection", "mismatch_map", "findings", "warm", "diagnose"),
     ],
 }
 """Inside a large unit: its rooms (folders, and modules beside them) in order; a room imports only rooms before it."""

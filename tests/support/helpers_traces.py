@@ -9,6 +9,7 @@ from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import PLANT, break_away, large_noise
 from helpers_plants import effect
 
+from frictionjax.information import Information
 from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import Recording
 from frictionjax.report import save_diagnosis
@@ -78,3 +79,8 @@ def columns() -> dict[str, np.ndarray]:
 def saved_diagnosis(folder: Path) -> Path:
     """A diagnosis that is saved in the `folder`."""
     return save_diagnosis(fake_diagnosis(n=500), folder, report=False)
+
+
+def information() -> Information:
+    matrix = 1e8 * (np.eye(2) + 0.1)
+    return Information(("J", "Fc"), ("", ""), (True, True), np.ones(2), np.ones(2), matrix[None])
