@@ -37,8 +37,8 @@ def api(monkeypatch):
     """Stands in for `frictionjax.api`: the program's own work, without minutes of fitting."""
     calls = {}
 
-    def diagnose(case, *, progress):
-        calls["case"] = case
+    def diagnose(case, *, known=(), without=(), progress):
+        calls["case"], calls["asked"] = case, (known, without)
         progress("fitting the base model", 0.2)
         progress("fitting the base model", 0.3)
         warnings.warn(
@@ -168,6 +168,13 @@ def test_bare_recordings(api, tmp_path):
     assert (files, holdout) == (["run1.csv", "run2.csv"], ["run3.csv", "run4.csv"])
     assert (options["motor_constant"], options["sample_rate"]) == (16.0, 2000.0)
     assert api["case"] == "bare case"
+    assert api["asked"] == ([], [])
+
+
+def test_a_name_may_be_accepted_or_rejected(api, tmp_path):
+    arguments = ["run1.csv", "--holdout", "run2.csv", "--with", "delay", "--without", "ripple", "creep"]
+    assert main(["diagnose", *arguments, "--out", str(tmp_path)]) == 0
+    assert api["asked"] == (["delay"], ["ripple", "creep"])
 
 
 @pytest.mark.parametrize(
@@ -194,7 +201,7 @@ def test_what_may_be_read_is_an_option(api, tmp_path):
 def test_a_request_to_end_is_a_line_and_status_143(api, tmp_path, capsys):
     before = signal.getsignal(signal.SIGTERM)
 
-    def diagnose(case, *, progress):
+    def diagnose(case, *, known=(), without=(), progress):
         signal.raise_signal(signal.SIGTERM)
 
     api["stub"].diagnose = diagnose
@@ -235,7 +242,7 @@ def test_an_unwritable_directory_is_found_before_the_work(api, tmp_path, capsys)
 
 
 def test_an_interrupt_is_a_line_and_status_130(api, tmp_path, capsys):
-    def diagnose(case, *, progress):
+    def diagnose(case, *, known=(), without=(), progress):
         raise KeyboardInterrupt
 
     api["stub"].diagnose = diagnose

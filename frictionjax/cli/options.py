@@ -64,11 +64,29 @@ def _diagnose(commands: Any) -> None:
         "Diagnose one case: a case file, or recordings without one and the options below.",
         "frictionjax diagnose case.toml --out result",
         "frictionjax diagnose run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out result",
+        "frictionjax diagnose case.toml --with gravity_pendulum --without ripple --out again",
         'frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle --unit t=ms x=deg --out result',
     )
     _inputs(command)
     command.add_argument(
         "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
+    )
+    command.add_argument(
+        "--with",
+        dest="known",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EFFECT",
+        help="effects that act: they become part of the base model, and the rest is judged again",
+    )
+    command.add_argument(
+        "--without",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="EFFECT",
+        help="effects that do not act: they are tested, but not named",
     )
     _json(command, "verdict.json")
     case_options(command)

@@ -21,14 +21,14 @@ def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.report.save import verdict_json
 
     with reserved(arguments.out):
-        case = case_of(arguments)
+        case, asked = case_of(arguments), {"known": arguments.known, "without": arguments.without}
         if arguments.json:
-            diagnosis, _, lost = _diagnosed(case, arguments.out, terminal, start=0.0)
+            diagnosis, _, lost = _diagnosed(case, arguments.out, terminal, start=0.0, **asked)
             say_json(verdict_json(diagnosis))
             if lost is not None:
                 raise lost
         else:
-            _finish(case, arguments.out, terminal, start=0.0)
+            _finish(case, arguments.out, terminal, start=0.0, **asked)
 
 
 def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -92,11 +92,11 @@ def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     )
 
 
-def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float) -> "Diagnosis":
+def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float, **asked: list[str]) -> "Diagnosis":
     """Diagnose, save and print the summary: the last part of both commands."""
     from frictionjax.report import summary_lines
 
-    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start)
+    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, **asked)
     say(summary_lines(diagnosis))
     files = [saved / name for name in ("report.html", "verdict.json", "fit")]
     say(["", "Written:", *(f"  {file}" for file in files if file.exists())])
@@ -106,15 +106,16 @@ def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float) -> "Di
 
 
 def _diagnosed(
-    case: "Case", out: Path, terminal: Terminal, *, start: float
+    case: "Case", out: Path, terminal: Terminal, *, start: float, **asked: list[str]
 ) -> tuple["Diagnosis", Path, "InputError | None"]:
-    """The diagnosis, with its warnings printed; where it was saved, and why not in `out`."""
+    """The diagnosis, with its warnings printed; where it was saved, and why not in `out`. `asked` are effects that the
+    user accepts and rejects."""
     from frictionjax.api import diagnose
     from frictionjax.core import InputError
     from frictionjax.report import check_writable, rescue_diagnosis
 
     check_writable(out, case)
-    diagnosis = diagnose(case, progress=terminal.part(start, 1.0))
+    diagnosis = diagnose(case, **asked, progress=terminal.part(start, 1.0))
     terminal.progress("writing the report", 1.0)
     lost: InputError | None = None
     try:

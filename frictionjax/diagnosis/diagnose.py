@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import equinox as eqx
@@ -30,6 +30,7 @@ from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
+from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
@@ -70,6 +71,8 @@ def diagnose(
     case: CaseData,
     *,
     plant: Plant | None = None,
+    known: Sequence[str] = (),
+    without: Sequence[str] = (),
     executor: Executor | None = None,
     progress: Progress | bool = True,
     rule: Rule = Rule(),
@@ -82,6 +85,9 @@ def diagnose(
     - `case`: a `Case`; the path of a case file or of a recording; recordings, or tables in memory such as DataFrames.
         At least one recording must be held out: of a single one that is the last third, with a warning.
     - `plant`: what is known of the machine, where `case` does not say it.
+    - `known`: names of effects that act, as `[model]` of a case file has them: they become part of the base model, with
+        their sizes free, and the rest is judged again.
+    - `without`: names of effects that do not act: they are tested, but not named.
     - `executor`: any `concurrent.futures.Executor` that shares memory; runs tests and refits in parallel. None: a
       thread for each core of this machine.
     - `progress`: called with the stage and the fraction done; True: a bar on a terminal and in a notebook; False:
@@ -95,21 +101,25 @@ def diagnose(
 
     **Raises:**
 
-    `InputError` for a case that cannot be diagnosed; `PrecisionError` unless JAX computes in float64.
+    `InputError` for a case that cannot be diagnosed, and for an effect that is not in the catalogue; `PrecisionError`
+    unless JAX computes in float64.
     """
     require_x64()
-    whole = case_of(case, plant=plant)
+    whole = accepted(case_of(case, plant=plant), known)
+    rejected = left_out_as_asked(without)
     check(whole, effort=effort)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
         with reporting(progress) as report:
-            return _diagnose(whole, threads or executor, report, rule, effort)  # type: ignore[arg-type]
+            return _diagnose(whole, rejected, threads or executor, report, rule, effort)  # type: ignore[arg-type]
     finally:
         if threads is not None:
             threads.shutdown(cancel_futures=True)
 
 
-def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, effort: Effort) -> Diagnosis:
+def _diagnose(
+    case: Case, rejected: dict[str, str], executor: Executor, progress: Progress, rule: Rule, effort: Effort
+) -> Diagnosis:
     clock, compiling = Stages(), CompileClock()
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
@@ -123,6 +133,7 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
     base = base_of(starting, executor, progress_of_base, rule=rule)
     credible, error = credibility(base, rule=rule), ""
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
+    untestable |= rejected
     untestable |= {effect.name: "it is part of the base model" for effect in starting.own.effects}
     left_out = barred_forms | frozenset(idle_effects() if starting.imposed else ())
     balanced, heavy = _balanced(case, starting, left_out | frozenset(untestable)), None

@@ -20,6 +20,7 @@ from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.views import view
+from frictionjax.diagnosis.intake.as_asked import check_effects
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import Batch, make_batch
@@ -82,11 +83,7 @@ def warm(
         )
     known = catalogue()
     names = list(known) if effects is None else list(effects)
-    for name in names:
-        if name not in known:
-            raise InputError(
-                f'"{name}" is no effect of the catalogue', cure="`frictionjax effects` lists those that are"
-            )
+    check_effects(names)
     forms: list[type[AbstractEffect] | None] = [None, *(form for name in names for form in known[name])]
     work = [(form, length) for length in _lengths(longest) for form in forms]
     with reporting(progress) as report, ThreadPoolExecutor(os.cpu_count() or 1) as threads:

@@ -85,9 +85,9 @@ def test_both_a_lead_and_a_drop_that_matters_are_asked():
 def test_the_sentence_says_how_large_the_force_is_and_only_where_it_is_significant():
     free = Ceiling(0.3, 0.1, 0.7, 0.6, 8.0, 0.025, 0.05, 0.02, "velocity", True)
     rest = Unexplained(True, 1.0, "sliding")
-    said = summary_sentence("unknown", (), rest, "sliding", (), None, free, "N*m")
+    said = summary_sentence("unknown", (), rest, "sliding", (), None, "N*m", free)
     assert "A force that is free in velocity predicts" in said
     assert "0.025 N*m rms (5 % of Coulomb friction, 2 % of the applied force)" in said
     assert "removes 60 % of the misfit" in said
     below = dataclasses.replace(free, above=False)
-    assert "free in" not in summary_sentence("unknown", (), rest, "sliding", (), None, below, "N*m")
+    assert "free in" not in summary_sentence("unknown", (), rest, "sliding", (), None, "N*m", below)

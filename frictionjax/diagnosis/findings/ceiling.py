@@ -11,7 +11,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
@@ -20,6 +20,7 @@ from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
 from frictionjax.diagnosis.findings.free_force import Group, free_force, together
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
+from frictionjax.diagnosis.table import Both, Gains
 from frictionjax.diagnosis.verdict import Ceiling
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import Observed
@@ -37,6 +38,10 @@ _SOME = 8  # forces that are simulated side by side
 _PASSES, _TURNS = 2, 4  # of linearising, of re-weighting in each
 _DAMPING = (1.0, 0.5, 0.2)
 _LONGEST_STEP = 1.5  # of a coordinate of the model in one turn
+
+
+_Part = tuple[Float[np.ndarray, "s s"], Float[np.ndarray, " s"], float]
+"""The normal equations of a part of the recordings, and its cost without a step."""
 
 
 class _Fit(NamedTuple):
@@ -90,7 +95,7 @@ def ceiling_of(
 
 
 def _reported(
-    gains, before, after, fit: _Fit, groups: tuple[Group, ...], model: Model, rule: Rule
+    gains: Gains, before: Both, after: Both, fit: _Fit, groups: tuple[Group, ...], model: Model, rule: Rule
 ) -> Ceiling:
     batch, drive = model.posterior.batch, model.judgement.drive
     inside, Fc = np.asarray(batch.valid) > 0.0, float(drive.friction.Fc)
@@ -229,7 +234,13 @@ class _Search:
     def _misfit(self, power: Float[np.ndarray, "r b"]) -> float:
         return misfit_of(power, self.fitted.astype(float), self.batch)
 
-    def _normal(self, design, errors, weight, rows) -> tuple[np.ndarray, np.ndarray]:
+    def _normal(
+        self,
+        design: Float[np.ndarray, "s r m"],
+        errors: Float[np.ndarray, "r m"],
+        weight: Float[np.ndarray, "r m"],
+        rows: Bool[np.ndarray, " r"],
+    ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, " s"]]:
         tall = (design * weight)[:, rows].reshape(len(design), -1)
         return tall @ design[:, rows].reshape(len(design), -1).T, tall @ errors[rows].ravel()
 
@@ -284,7 +295,9 @@ class _Search:
         stretch = np.minimum(np.arange(weight.shape[1]) * _FOLDS // weight.shape[1], _FOLDS - 1)
         return [weight * (stretch == number) for number in range(_FOLDS)]
 
-    def _left_out(self, parts, places, held_back: float, total: float) -> Float[np.ndarray, " f"]:
+    def _left_out(
+        self, parts: list[_Part], places: Int[np.ndarray, " s"], held_back: float, total: float
+    ) -> Float[np.ndarray, " f"]:
         """Cost of each of the `parts` with coordinates at the `places` from the other parts."""
         square = np.ix_(places, places)
         gram, right = sum(part[0] for part in parts)[square], sum(part[1] for part in parts)[places]
@@ -295,7 +308,9 @@ class _Search:
             costs.append(left + 2.0 * step @ own_right + step @ own_gram @ step)
         return np.array(costs)
 
-    def _solved(self, gram, right, held_back: float, weight: float) -> Float[np.ndarray, " s"]:
+    def _solved(
+        self, gram: Float[np.ndarray, "s s"], right: Float[np.ndarray, " s"], held_back: float, weight: float
+    ) -> Float[np.ndarray, " s"]:
         penalty = self._penalty(len(right), 0.0 if np.isinf(held_back) else held_back, weight)
         return -np.linalg.solve(gram + penalty, right)
 

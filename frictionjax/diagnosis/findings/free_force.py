@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import quiet_speed
@@ -89,7 +89,7 @@ def free_force(
     return tuple(Group(group.variable, _used(group.columns, inside)) for group in groups)
 
 
-def _span(values: Float[np.ndarray, "r n"], inside: np.ndarray) -> tuple[float, float]:
+def _span(values: Float[np.ndarray, "r n"], inside: Bool[np.ndarray, "r n"]) -> tuple[float, float]:
     low, high = float(values[inside].min()), float(values[inside].max())
     return low, high if high > low else low + 1.0
 
@@ -101,7 +101,7 @@ def _roofs(values: Float[np.ndarray, "r n"], knots: Float[np.ndarray, " k"]) -> 
     return np.stack([np.maximum(0.0, 1.0 - np.abs(place - k)) for k in range(len(knots))])
 
 
-def _used(columns: Float[np.ndarray, "k r n"], inside: np.ndarray) -> Float[np.ndarray, "k r n"]:
+def _used(columns: Float[np.ndarray, "k r n"], inside: Bool[np.ndarray, "r n"]) -> Float[np.ndarray, "k r n"]:
     """Those of the `columns` that are not zero throughout, and zero where nothing was recorded."""
     columns = columns * inside
     return columns[np.any(columns != 0.0, axis=(1, 2))]

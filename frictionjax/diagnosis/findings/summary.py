@@ -11,8 +11,8 @@ def summary_sentence(
     where: str,
     fits: tuple[RecordingFit, ...],
     unmeasured: Unmeasured | None = None,
-    ceiling: Ceiling | None = None,
     unit: str = "",
+    ceiling: Ceiling | None = None,
     *,
     rule: Rule = Rule(),
 ) -> str:
