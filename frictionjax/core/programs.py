@@ -72,12 +72,19 @@ class Compiled(Generic[_P, _R]):
         """The program of these arguments, from the disk or made anew."""
         folder = programs_folder()
         name = None if folder is None else self._name(args, kwargs, shapes, structure)
-        if folder is None or name is None:
-            return self._new(args, kwargs)
+        if folder is None or name is None:  # JAX itself may find it again
+            return self._new(args, kwargs, self._function.__name__)
         path = folder / name
-        return _read(path) or _written(path, self._new(args, kwargs))
+        if (kept := _read(path)) is not None:
+            return kept
+        # What JAX's own cache returns cannot be kept again: its copy lacks some of the machine code. A name that was
+        # never used before is not found there.
+        once = f"{self._function.__name__}_{uuid.uuid4().hex}"
+        program = self._new(args, kwargs, once)
+        _remove_copies(folder.parent, once)
+        return _written(path, program)
 
-    def _new(self, args: tuple, kwargs: dict) -> _Program:
+    def _new(self, args: tuple, kwargs: dict, name: str) -> _Program:
         leaves, structure = jax.tree.flatten((args, kwargs))
         places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, _ARRAYS)]
         # The arrays themselves are not kept by the closure of the program.
@@ -94,9 +101,7 @@ class Compiled(Generic[_P, _R]):
             results.append(jax.tree.unflatten(shape, range(len(found))))
             return found
 
-        # What JAX's own cache returns cannot be kept again: its copy lacks some of the machine code. A name that was
-        # never used before is not found there.
-        flat.__name__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
+        flat.__name__ = name
         dynamic = [jax.ShapeDtypeStruct(leaves[place].shape, leaves[place].dtype) for place in places]
         return _Program(jax.jit(flat).lower(*dynamic).compile(self._options), results[-1])
 
@@ -226,6 +231,12 @@ def _read(path: Path) -> _Program | None:
         binary, arguments, results, execution_devices=jax.devices()[:1]
     )
     return _Program(run, result)
+
+
+def _remove_copies(folder: Path, name: str) -> None:
+    """Remove what JAX has just kept of a program with this `name` in its `folder`: nothing asks for it again."""
+    for copy in folder.glob(f"jit_{name}-*"):
+        copy.unlink(missing_ok=True)
 
 
 def _written(path: Path, program: _Program) -> _Program:

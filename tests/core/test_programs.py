@@ -1,5 +1,8 @@
 """Compiled programs that are kept: made once, found without tracing, never taken from what is damaged or foreign."""
 
+import os
+import subprocess
+import sys
 import threading
 
 import equinox as eqx
@@ -172,3 +175,30 @@ def test_no_more_programs_are_held_than_there_is_room_for(folder, monkeypatch):
         counted.run(GAINS, np.arange(float(length)))
     assert len(programs._MEMORY._programs) == 2
     assert counted.traces == 3
+
+
+_ONCE = """
+import pathlib, sys
+import numpy as np
+from frictionjax.core.programs import compiled, forget_programs
+
+def double(x, *more):
+    return 2.0 * x
+
+double.__module__ = "frictionjax.core.example"
+run = compiled()(double)
+run(np.arange(3.0))
+own = [path.name for path in pathlib.Path(sys.argv[1]).rglob("*") if path.is_file()]
+assert len(own) == 1 and not own[0].startswith("jit_"), own
+run(np.arange(3.0), lambda: 0)  # not kept here: JAX does
+names = [path.name for path in pathlib.Path(sys.argv[1]).glob("jit_double-*")]
+assert len(names) == 1, names
+"""
+
+
+def test_a_program_lies_on_the_disk_once(tmp_path):
+    """JAX keeps a copy of each under a name that nothing asks for again."""
+    choices = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    command = [sys.executable, "-c", _ONCE, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | choices)
+    assert done.returncode == 0, done.stderr
