@@ -23,6 +23,7 @@ _AT_ONCE = 1000  # inputs of one child process
 _AT_ONCE_SPAWNED = 4000  # of one that begins with its imports
 _LONGEST_MESSAGE = 1500
 _NOT_YET = -1  # in place of the number of an input, while a child makes ready
+_IDLE = 10  # times as long as the processor may work on an input, the input may take
 _TO_BEGIN = 10  # times as long as one input may take
 
 
@@ -43,7 +44,8 @@ def run(
 
     - `inputs`, `seed`: as above; an input is known by its reader and its number.
     - `scratch`: an empty folder.
-    - `seconds`, `gigabytes`: of one input, before it counts as a hang or a fault; memory beyond that of the process.
+    - `seconds`, `gigabytes`: of the processor, and of memory beyond that of the process, for one input; ten times as many
+      seconds by the clock. More counts as a hang or a fault.
     - `keep`: folder for the inputs that were neither read nor refused in one line.
     - `extras`: read the formats of the extras, and not the others.
     - `rows`: a file of JSON lines to which the counts of each part are appended; parts that are in it already are not
@@ -135,16 +137,30 @@ def _batch(
 def _ended(
     child: multiprocessing.Process, now: "Synchronized[int]", seconds: float, meanwhile: Callable[[], None]
 ) -> bool:
-    """Whether the child ends by itself, no input taking longer than so many seconds; `meanwhile` takes what it says."""
-    number, since = now.value, time.monotonic()
+    """Whether the child ends by itself, no input taking more than so many `seconds` of the processor; `meanwhile` takes
+    what it says."""
+    number, since, used = now.value, time.monotonic(), 0.0
     while child.is_alive():
         child.join(0.1)
         meanwhile()
         if now.value != number:
-            number, since = now.value, time.monotonic()
-        elif time.monotonic() - since > seconds * (_TO_BEGIN if number == _NOT_YET else 1):
+            number, since, used = now.value, time.monotonic(), _used(child.pid)
+        allowed = seconds * (_TO_BEGIN if number == _NOT_YET else 1)
+        # On a busy machine an input waits its turn; one that waits for something else uses no time.
+        if _used(child.pid) - used > allowed or time.monotonic() - since > _IDLE * allowed:
             return False
     return True
+
+
+def _used(pid: int | None) -> float:
+    """Processor time that a child process has used, s; 0 once it has ended."""
+    try:
+        fields = (
+            Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        )
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _child(

@@ -171,6 +171,9 @@ class _Memory:
                     self._programs.popitem(last=False)
         return program
 
+    def __len__(self) -> int:
+        return len(self._programs)
+
     def clear(self) -> None:
         """Let all programs go."""
         with self._lock:
@@ -183,6 +186,11 @@ _MEMORY = _Memory()
 def forget_programs() -> None:
     """Let the programs of this process go; those on the disk stay."""
     _MEMORY.clear()
+
+
+def programs_held() -> int:
+    """How many programs this process holds."""
+    return len(_MEMORY)
 
 
 @functools.cache
