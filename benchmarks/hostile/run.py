@@ -44,8 +44,8 @@ def run(
 
     - `inputs`, `seed`: as above; an input is known by its reader and its number.
     - `scratch`: an empty folder.
-    - `seconds`, `gigabytes`: of the processor, and of memory beyond that of the process, for one input; ten times as many
-      seconds by the clock. More counts as a hang or a fault.
+    - `seconds`, `gigabytes`: of the processor, and of memory beyond that of the process, for one input; ten times as
+      many seconds by the clock. More counts as a hang or a fault.
     - `keep`: folder for the inputs that were neither read nor refused in one line.
     - `extras`: read the formats of the extras, and not the others.
     - `rows`: a file of JSON lines to which the counts of each part are appended; parts that are in it already are not
