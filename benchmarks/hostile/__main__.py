@@ -1,7 +1,8 @@
 """The table of damaged inputs: `python -m benchmarks.hostile [--inputs 20000] [--seed 0] [--keep DIR] [--rows FILE]`.
 
 `--extras` reads the formats of the extras. `--rows` appends the counts to a file, part by part, and goes on where an
-earlier run with the same options was stopped. Exit status 1 when anything but a recording or a clean error came out.
+earlier run with the same options was stopped. `--atheris READER` lets atheris choose the damage for one reader.
+Exit status 1 when anything but a recording or a clean error came out.
 """
 
 import argparse
@@ -9,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks.hostile.coverage import fuzz
 from benchmarks.hostile.run import KINDS, run
 
 
@@ -30,7 +32,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--rows", type=Path, help="JSON lines to which counts are appended; what is in it is not read again"
     )
+    parser.add_argument("--atheris", metavar="READER", help="damage chosen by coverage, for one reader")
     options = parser.parse_args(argv)
+    if options.atheris is not None:
+        return fuzz(options.atheris, options.inputs, options.seed)
     with tempfile.TemporaryDirectory() as scratch:
         table = run(
             options.inputs,
