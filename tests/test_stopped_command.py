@@ -5,9 +5,11 @@ import os
 import random
 import signal
 import sys
+import tempfile
 import time
 import types
 import warnings
+from pathlib import Path
 
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
@@ -67,9 +69,7 @@ def started(arguments):
         return child
     status = 99
     try:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        for stream in (1, 2):
-            os.dup2(nowhere, stream)
+        sys.stdout = sys.stderr = Path(os.devnull).open("w")  # what pytest keeps is a file, too
         status = main(arguments)
     except KeyboardInterrupt:  # before the program is ready for it, as at any Python program
         status = 130
@@ -150,6 +150,7 @@ def test_a_full_disk_is_one_line_and_keeps_the_earlier_result(tmp_path, command,
 
     def limited(*arguments):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        monkeypatch.setattr(tempfile, "tempdir", None)  # a folder for temporary files is looked for anew
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
         return run(*arguments)
 

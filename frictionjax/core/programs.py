@@ -34,6 +34,8 @@ _R = TypeVar("_R")
 _ARRAYS = jax.Array | np.ndarray
 # Programs that a process keeps; those that were not used for longest are let go. A diagnosis has about a hundred.
 _MOST = 400
+# Structures of a simulated drive, of some 10 MB each.
+_MOST_STRUCTURES = 32
 _PACKAGE = Path(__file__).parents[1]
 _BASE = ("core", "physics", "recordings", "excitation", "simulation", "frequency", "estimation")
 # Whose classes may stand in a kept program: the source of other classes may change without a trace in the key.
@@ -132,6 +134,46 @@ def compiled(*, options: dict[str, Any] | None = None) -> _With:
     return _With(options)
 
 
+class _Traced:
+    """A function under `jax.jit` for one structure of its arguments; `result` has numbers in place of the arrays."""
+
+    def __init__(self, function: Callable, args: tuple, kwargs: dict) -> None:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, _ARRAYS)]
+        rest = [None if place in places else leaf for place, leaf in enumerate(leaves)]
+        self.result: PyTree = None
+
+        def flat(*arrays: Any) -> list[Any]:
+            own = list(rest)
+            for place, array in zip(places, arrays, strict=True):
+                own[place] = array
+            given, named = jax.tree.unflatten(structure, own)
+            found, shape = jax.tree.flatten(function(*given, **named))
+            self.result = jax.tree.unflatten(shape, range(len(found)))
+            return found
+
+        flat.__name__ = function.__name__
+        self.run = jax.jit(flat)
+
+
+class Jitted(Generic[_P, _R]):
+    """A function under `jax.jit`, also inside of transformations. Of the structures of its arguments, such as the
+    effects of a drive, those that were not used for longest are let go, and their programs with them: JAX itself keeps
+    the programs of a function as long as the function. It returns arrays, or Modules and tuples of them."""
+
+    def __init__(self, function: Callable[_P, _R]) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        shapes = tuple((leaf.shape, leaf.dtype) if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
+        signature = (self._function, structure, shapes)
+        traced = _STRUCTURES.get(signature, lambda: _Traced(self._function, args, kwargs))
+        found = traced.run(*(leaf for leaf in leaves if isinstance(leaf, _ARRAYS)))
+        return jax.tree.map(lambda place: found[place], traced.result)
+
+
 def _kinds(tree: PyTree) -> set[type]:
     """The types of all parts of a `tree`."""
     found: set[type] = set()
@@ -144,15 +186,17 @@ def _kinds(tree: PyTree) -> set[type]:
     return found
 
 
-class _Memory:
-    """The programs of this process by signature, each made by one thread while others wait for it."""
+class _Memory(Generic[_R]):
+    """The programs of this process by signature, each made by one thread while others wait for it; no more of them than
+    `most` says now."""
 
-    def __init__(self) -> None:
-        self._programs: OrderedDict[Hashable, _Program] = OrderedDict()
+    def __init__(self, most: Callable[[], int]) -> None:
+        self._programs: OrderedDict[Hashable, _R] = OrderedDict()
+        self._most = most
         self._making: dict[Hashable, threading.Lock] = {}
         self._lock = threading.Lock()
 
-    def get(self, signature: Hashable, make: Callable[[], _Program]) -> _Program:
+    def get(self, signature: Hashable, make: Callable[[], _R]) -> _R:
         """The program of the `signature`, which `make` makes where there is none."""
         with self._lock:
             if signature in self._programs:
@@ -167,7 +211,7 @@ class _Memory:
             with self._lock:
                 self._programs[signature] = program
                 self._making.pop(signature, None)
-                while len(self._programs) > _MOST:
+                while len(self._programs) > self._most():
                     self._programs.popitem(last=False)
         return program
 
@@ -180,17 +224,19 @@ class _Memory:
             self._programs.clear()
 
 
-_MEMORY = _Memory()
+_MEMORY: _Memory[_Program] = _Memory(lambda: _MOST)
+_STRUCTURES: _Memory[_Traced] = _Memory(lambda: _MOST_STRUCTURES)
 
 
 def forget_programs() -> None:
     """Let the programs of this process go; those on the disk stay."""
     _MEMORY.clear()
+    _STRUCTURES.clear()
 
 
 def programs_held() -> int:
     """How many programs this process holds."""
-    return len(_MEMORY)
+    return len(_MEMORY) + len(_STRUCTURES)
 
 
 @functools.cache

@@ -1,9 +1,11 @@
 """Compiled programs that are kept: made once, found without tracing, never taken from what is damaged or foreign."""
 
+import gc
 import os
 import subprocess
 import sys
 import threading
+import weakref
 
 import equinox as eqx
 import jax
@@ -175,6 +177,40 @@ def test_no_more_programs_are_held_than_there_is_room_for(folder, monkeypatch):
         counted.run(GAINS, np.arange(float(length)))
     assert len(programs._MEMORY._programs) == 2
     assert counted.traces == 3
+
+
+def test_structures_that_were_not_used_for_longest_are_let_go(monkeypatch):
+    """With their programs: nothing else refers to them."""
+    monkeypatch.setattr(programs, "_MOST_STRUCTURES", 2)
+    forget_programs()
+    traces = []
+
+    def halved(x, parts):
+        traces.append(len(parts))
+        return Gains(0.5 * x, sum(parts))
+
+    run = programs.Jitted(halved)
+    for count in (1, 2, 1, 3, 1, 2):
+        found = run(X, (X,) * count)
+        np.testing.assert_array_equal(found.position, 0.5 * X)
+        np.testing.assert_array_equal(found.velocity, count * X)
+    assert traces == [1, 2, 3, 2]
+    assert programs.programs_held() == 2
+    slope = jax.grad(lambda x: jnp.sum(run(x, (x,)).velocity * x))(jnp.asarray(X))
+    np.testing.assert_array_equal(slope, 2.0 * X)
+
+
+def test_the_programs_of_a_structure_go_with_it(monkeypatch):
+    monkeypatch.setattr(programs, "_MOST_STRUCTURES", 1)
+    forget_programs()
+    run = programs.Jitted(lambda x, parts: x + len(parts))
+    run(X, (1,))
+    ((traced,),) = [programs._STRUCTURES._programs.values()]
+    gone = weakref.ref(traced)
+    del traced
+    run(X, (1, 2))
+    gc.collect()
+    assert gone() is None
 
 
 _ONCE = """
