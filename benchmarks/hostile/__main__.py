@@ -1,5 +1,7 @@
-"""The table of damaged inputs: `python -m benchmarks.hostile [--inputs 20000] [--seed 0] [--keep DIR]`.
+"""The table of damaged inputs: `python -m benchmarks.hostile [--inputs 20000] [--seed 0] [--keep DIR] [--rows FILE]`.
 
+`--extras` reads the formats of the extras. `--rows` appends the counts to a file, part by part, and goes on where an
+earlier run with the same options was stopped. `--atheris READER` lets atheris choose the damage for one reader.
 Exit status 1 when anything but a recording or a clean error came out.
 """
 
@@ -8,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks.hostile.coverage import fuzz
 from benchmarks.hostile.run import KINDS, run
 
 
@@ -26,7 +29,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--extras", action="store_true", help="the formats of the extras that are installed, not the others"
     )
+    parser.add_argument(
+        "--rows", type=Path, help="JSON lines to which counts are appended; what is in it is not read again"
+    )
+    parser.add_argument("--atheris", metavar="READER", help="damage chosen by coverage, for one reader")
     options = parser.parse_args(argv)
+    if options.atheris is not None:
+        return fuzz(options.atheris, options.inputs, options.seed)
     with tempfile.TemporaryDirectory() as scratch:
         table = run(
             options.inputs,
@@ -36,6 +45,7 @@ def main(argv: list[str] | None = None) -> int:
             gigabytes=options.gigabytes,
             keep=options.keep,
             extras=options.extras,
+            rows=options.rows,
         )
     print(f"{'reader':<20}{'inputs':>9}" + "".join(f"{kind:>14}" for kind in KINDS))
     for reader, counts in table.items():

@@ -121,7 +121,10 @@ def _diagnosed(
     try:
         saved = diagnosis.save(out)
     except InputError as error:
-        saved = rescue_diagnosis(diagnosis)
+        try:
+            saved = rescue_diagnosis(diagnosis)
+        except InputError:
+            raise error from None  # what was asked for comes first
         lost = InputError(f"{error} The result was written into {saved} instead")
     terminal.close()
     for warning in diagnosis.warnings:

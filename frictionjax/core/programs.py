@@ -34,6 +34,8 @@ _R = TypeVar("_R")
 _ARRAYS = jax.Array | np.ndarray
 # Programs that a process keeps; those that were not used for longest are let go. A diagnosis has about a hundred.
 _MOST = 400
+# Structures of a simulated drive, of some 10 MB each.
+_MOST_STRUCTURES = 32
 _PACKAGE = Path(__file__).parents[1]
 _BASE = ("core", "physics", "recordings", "excitation", "simulation", "frequency", "estimation")
 # Whose classes may stand in a kept program: the source of other classes may change without a trace in the key.
@@ -72,12 +74,19 @@ class Compiled(Generic[_P, _R]):
         """The program of these arguments, from the disk or made anew."""
         folder = programs_folder()
         name = None if folder is None else self._name(args, kwargs, shapes, structure)
-        if folder is None or name is None:
-            return self._new(args, kwargs)
+        if folder is None or name is None:  # JAX itself may find it again
+            return self._new(args, kwargs, self._function.__name__)
         path = folder / name
-        return _read(path) or _written(path, self._new(args, kwargs))
+        if (kept := _read(path)) is not None:
+            return kept
+        # What JAX's own cache returns cannot be kept again: its copy lacks some of the machine code. A name that was
+        # never used before is not found there.
+        once = f"{self._function.__name__}_{uuid.uuid4().hex}"
+        program = self._new(args, kwargs, once)
+        _remove_copies(folder.parent, once)
+        return _written(path, program)
 
-    def _new(self, args: tuple, kwargs: dict) -> _Program:
+    def _new(self, args: tuple, kwargs: dict, name: str) -> _Program:
         leaves, structure = jax.tree.flatten((args, kwargs))
         places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, _ARRAYS)]
         # The arrays themselves are not kept by the closure of the program.
@@ -94,9 +103,7 @@ class Compiled(Generic[_P, _R]):
             results.append(jax.tree.unflatten(shape, range(len(found))))
             return found
 
-        # What JAX's own cache returns cannot be kept again: its copy lacks some of the machine code. A name that was
-        # never used before is not found there.
-        flat.__name__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
+        flat.__name__ = name
         dynamic = [jax.ShapeDtypeStruct(leaves[place].shape, leaves[place].dtype) for place in places]
         return _Program(jax.jit(flat).lower(*dynamic).compile(self._options), results[-1])
 
@@ -127,6 +134,46 @@ def compiled(*, options: dict[str, Any] | None = None) -> _With:
     return _With(options)
 
 
+class _Traced:
+    """A function under `jax.jit` for one structure of its arguments; `result` has numbers in place of the arrays."""
+
+    def __init__(self, function: Callable, args: tuple, kwargs: dict) -> None:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        places = [place for place, leaf in enumerate(leaves) if isinstance(leaf, _ARRAYS)]
+        rest = [None if place in places else leaf for place, leaf in enumerate(leaves)]
+        self.result: PyTree = None
+
+        def flat(*arrays: Any) -> list[Any]:
+            own = list(rest)
+            for place, array in zip(places, arrays, strict=True):
+                own[place] = array
+            given, named = jax.tree.unflatten(structure, own)
+            found, shape = jax.tree.flatten(function(*given, **named))
+            self.result = jax.tree.unflatten(shape, range(len(found)))
+            return found
+
+        flat.__name__ = function.__name__
+        self.run = jax.jit(flat)
+
+
+class Jitted(Generic[_P, _R]):
+    """A function under `jax.jit`, also inside of transformations. Of the structures of its arguments, such as the
+    effects of a drive, those that were not used for longest are let go, and their programs with them: JAX itself keeps
+    the programs of a function as long as the function. It returns arrays, or Modules and tuples of them."""
+
+    def __init__(self, function: Callable[_P, _R]) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        shapes = tuple((leaf.shape, leaf.dtype) if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
+        signature = (self._function, structure, shapes)
+        traced = _STRUCTURES.get(signature, lambda: _Traced(self._function, args, kwargs))
+        found = traced.run(*(leaf for leaf in leaves if isinstance(leaf, _ARRAYS)))
+        return jax.tree.map(lambda place: found[place], traced.result)
+
+
 def _kinds(tree: PyTree) -> set[type]:
     """The types of all parts of a `tree`."""
     found: set[type] = set()
@@ -139,15 +186,17 @@ def _kinds(tree: PyTree) -> set[type]:
     return found
 
 
-class _Memory:
-    """The programs of this process by signature, each made by one thread while others wait for it."""
+class _Memory(Generic[_R]):
+    """The programs of this process by signature, each made by one thread while others wait for it; no more of them than
+    `most` says now."""
 
-    def __init__(self) -> None:
-        self._programs: OrderedDict[Hashable, _Program] = OrderedDict()
+    def __init__(self, most: Callable[[], int]) -> None:
+        self._programs: OrderedDict[Hashable, _R] = OrderedDict()
+        self._most = most
         self._making: dict[Hashable, threading.Lock] = {}
         self._lock = threading.Lock()
 
-    def get(self, signature: Hashable, make: Callable[[], _Program]) -> _Program:
+    def get(self, signature: Hashable, make: Callable[[], _R]) -> _R:
         """The program of the `signature`, which `make` makes where there is none."""
         with self._lock:
             if signature in self._programs:
@@ -162,9 +211,12 @@ class _Memory:
             with self._lock:
                 self._programs[signature] = program
                 self._making.pop(signature, None)
-                while len(self._programs) > _MOST:
+                while len(self._programs) > self._most():
                     self._programs.popitem(last=False)
         return program
+
+    def __len__(self) -> int:
+        return len(self._programs)
 
     def clear(self) -> None:
         """Let all programs go."""
@@ -172,12 +224,19 @@ class _Memory:
             self._programs.clear()
 
 
-_MEMORY = _Memory()
+_MEMORY: _Memory[_Program] = _Memory(lambda: _MOST)
+_STRUCTURES: _Memory[_Traced] = _Memory(lambda: _MOST_STRUCTURES)
 
 
 def forget_programs() -> None:
     """Let the programs of this process go; those on the disk stay."""
     _MEMORY.clear()
+    _STRUCTURES.clear()
+
+
+def programs_held() -> int:
+    """How many programs this process holds."""
+    return len(_MEMORY) + len(_STRUCTURES)
 
 
 @functools.cache
@@ -226,6 +285,12 @@ def _read(path: Path) -> _Program | None:
         binary, arguments, results, execution_devices=jax.devices()[:1]
     )
     return _Program(run, result)
+
+
+def _remove_copies(folder: Path, name: str) -> None:
+    """Remove what JAX has just kept of a program with this `name` in its `folder`: nothing asks for it again."""
+    for copy in folder.glob(f"jit_{name}-*"):
+        copy.unlink(missing_ok=True)
 
 
 def _written(path: Path, program: _Program) -> _Program:

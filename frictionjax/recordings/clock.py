@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core import InputError
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.words import shown
 
@@ -68,11 +69,16 @@ def on_one_clock(
 
     **Returns:** role -> values, with the times of x as `t` where no column is time, as far as every clock runs; and
     sentences on what was brought to other times.
+
+    **Raises:** `InputError` for a clock without one time a sample, and for differing clocks that do not run forward.
     """
     clock = table.clock(names["x"])
     if clock is None or "t" in values:
         return values, ()
     own = {role: times for role, name in names.items() if (times := table.clock(name)) is not None}
+    differ = any(not np.array_equal(times, clock) for times in own.values())
+    for role, times in own.items():
+        _require_clock(times, values[role].size, names[role], table, must_rise=differ)
     first, last = max(times[0] for times in own.values()), min(times[-1] for times in own.values())
     kept = np.flatnonzero((clock >= first) & (clock <= last))
     said, brought = [], {"t": clock[kept]}
@@ -89,3 +95,18 @@ def on_one_clock(
             brought[role] = np.interp(clock[kept], times, channel)
             said.append(f"{role} has a clock of its own: it was interpolated at the times of x")
     return brought, tuple(said)
+
+
+def _require_clock(
+    times: Float[np.ndarray, " _"], samples: int, name: str, table: AbstractTable, *, must_rise: bool
+) -> None:
+    """Raise `InputError` unless the clock of the channel `name` has a time for each of its `samples`."""
+    if not samples or times.size != samples:
+        problem = f"the channel `{shown(name)}` has {samples} samples, and its clock {times.size} times"
+    elif must_rise and not (np.isfinite(times).all() and (np.diff(times) >= 0.0).all()):
+        problem = f"the clock of `{shown(name)}` does not run forward"
+    else:
+        return
+    raise InputError(
+        problem, file=shown(table.path, 200), cure="Export the file again, with one clock for all"
+    )

@@ -233,8 +233,11 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
     **Arguments:**
 
     - `diagnosis`: what `diagnose` found, and no other directory took.
+
+    **Raises:** `InputError` where no folder for temporary files takes it either.
     """
-    directory = Path(tempfile.mkdtemp(prefix="frictionjax-"))
+    with _sentences(Path("TMPDIR")):  # no folder at all may have room
+        directory = Path(tempfile.mkdtemp(prefix="frictionjax-"))
     with _sentences(directory):
         _write_numbers(diagnosis, directory)
     return directory

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Real
 from frictionjax.core import public_verb, require_x64
 from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
+from frictionjax.core.programs import Jitted
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import Before
@@ -127,7 +128,7 @@ def run_free(
     )
 
 
-@eqx.filter_jit
+@Jitted
 def _simulate(
     drive: Drive,
     u: Float[Array, " n"],

@@ -27,6 +27,8 @@ _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 _BENT = 2.5
 # On a way as short as this the slope of the law is that at its beginning.
 _NEAR = 1e-3
+# h C + h^2 K of a coupling, over both masses: below this, a step without A would change the speed by less than itself.
+_FOLLOWED = 1.0
 
 
 Substeps = int | Int[Numbers, ""]
@@ -161,6 +163,13 @@ def ros2_step(
         # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
         heavy = side.ratio / (1.0 - side.ratio)
         a2, touches = contact(side, load)
+        # A step that cannot follow the coupling, and flies into a flank or opens a contact between its stages, would be
+        # thrown back faster than it came: A then has the coupling from the start, and a contact lasts for the step.
+        followed = h * (side.damping + h * side.stiffness) * (1.0 + heavy) < _FOLLOWED
+        flank = jnp.sign(load[0]) * side.half_gap
+        lasts = (touches > 0.0) & ~followed
+        arrives = (jnp.abs(load[0] + h * load[1]) > side.half_gap) & ~followed
+        touches = jnp.where(arrives, 1.0, touches)
         # Its own friction is slow and explicit.
         free = side.drag * (v + load[1])
         yielding = touches * (gh * side.damping + gh * gh * side.stiffness)
@@ -209,7 +218,9 @@ def ros2_step(
     a2_1 = w_load_1 = free_1 = 0.0
     if side is not None:
         load_1 = jnp.stack([load[0] + h * k1_d, w_load + h * k1_w])
-        a2_1, w_load_1 = contact(side, load_1)[0], load_1[1]
+        w_load_1 = load_1[1]
+        held = -side.stiffness * (load_1[0] - flank) - side.damping * w_load_1
+        a2_1 = jnp.where(lasts, held, contact(side, load_1)[0])
         free_1 = side.drag * (v1 + w_load_1)
     k2_v, k2_z, _, k2_d, k2_w = solve(
         (late - friction_1) * mobility - heavy * a2_1 - 2.0 * k1_v,

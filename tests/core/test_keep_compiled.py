@@ -184,6 +184,24 @@ def test_what_was_not_used_for_longest_goes_beyond_a_size(tmp_path):
     assert {age for age, path in ages.items() if path.exists()} <= {10}
 
 
+def test_the_size_counts_what_jax_keeps_and_whole_programs_together(tmp_path):
+    whole = zlib.compress(os.urandom(1000))
+    jax_own = [_entry(tmp_path / "one" / f"jit_f-{age}-cache", whole, age) for age in (5, 3)]
+    ours = [_entry(tmp_path / "one" / "frictionjax" / f"{age}", whole, age) for age in (4, 2)]
+    tidy(tmp_path, largest=4 * len(whole))
+    assert all(path.exists() for path in (*jax_own, *ours))
+    _entry(tmp_path / "one" / "frictionjax" / "new", whole)
+    tidy(tmp_path, largest=4 * len(whole))
+    assert [path.exists() for path in (jax_own[0], ours[0], jax_own[1], ours[1])] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+    left = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+    assert left <= 4 * len(whole)
+
+
 def test_what_was_chosen_before_stays(chosen, tmp_path):
     chosen(str(tmp_path / "chosen"))
     keep_compiled(tmp_path / "asked")

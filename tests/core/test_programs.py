@@ -1,6 +1,11 @@
 """Compiled programs that are kept: made once, found without tracing, never taken from what is damaged or foreign."""
 
+import gc
+import os
+import subprocess
+import sys
 import threading
+import weakref
 
 import equinox as eqx
 import jax
@@ -172,3 +177,64 @@ def test_no_more_programs_are_held_than_there_is_room_for(folder, monkeypatch):
         counted.run(GAINS, np.arange(float(length)))
     assert len(programs._MEMORY._programs) == 2
     assert counted.traces == 3
+
+
+def test_structures_that_were_not_used_for_longest_are_let_go(monkeypatch):
+    """With their programs: nothing else refers to them."""
+    monkeypatch.setattr(programs, "_MOST_STRUCTURES", 2)
+    forget_programs()
+    traces = []
+
+    def halved(x, parts):
+        traces.append(len(parts))
+        return Gains(0.5 * x, sum(parts))
+
+    run = programs.Jitted(halved)
+    for count in (1, 2, 1, 3, 1, 2):
+        found = run(X, (X,) * count)
+        np.testing.assert_array_equal(found.position, 0.5 * X)
+        np.testing.assert_array_equal(found.velocity, count * X)
+    assert traces == [1, 2, 3, 2]
+    assert programs.programs_held() == 2
+    slope = jax.grad(lambda x: jnp.sum(run(x, (x,)).velocity * x))(jnp.asarray(X))
+    np.testing.assert_array_equal(slope, 2.0 * X)
+
+
+def test_the_programs_of_a_structure_go_with_it(monkeypatch):
+    monkeypatch.setattr(programs, "_MOST_STRUCTURES", 1)
+    forget_programs()
+    run = programs.Jitted(lambda x, parts: x + len(parts))
+    run(X, (1,))
+    ((traced,),) = [programs._STRUCTURES._programs.values()]
+    gone = weakref.ref(traced)
+    del traced
+    run(X, (1, 2))
+    gc.collect()
+    assert gone() is None
+
+
+_ONCE = """
+import pathlib, sys
+import numpy as np
+from frictionjax.core.programs import compiled, forget_programs
+
+def double(x, *more):
+    return 2.0 * x
+
+double.__module__ = "frictionjax.core.example"
+run = compiled()(double)
+run(np.arange(3.0))
+own = [path.name for path in pathlib.Path(sys.argv[1]).rglob("*") if path.is_file()]
+assert len(own) == 1 and not own[0].startswith("jit_"), own
+run(np.arange(3.0), lambda: 0)  # not kept here: JAX does
+names = [path.name for path in pathlib.Path(sys.argv[1]).glob("jit_double-*")]
+assert len(names) == 1, names
+"""
+
+
+def test_a_program_lies_on_the_disk_once(tmp_path):
+    """JAX keeps a copy of each under a name that nothing asks for again."""
+    choices = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    command = [sys.executable, "-c", _ONCE, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | choices)
+    assert done.returncode == 0, done.stderr

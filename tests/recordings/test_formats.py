@@ -4,15 +4,19 @@ import datetime
 import gzip
 import json
 import pickle
+import sys
 import warnings
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings import case_from_files
+from frictionjax.recordings.clock import on_one_clock
 from frictionjax.recordings.readers import READERS, extra, open_table
+from frictionjax.recordings.readers.arrays import ArrayTable
 
 N = 400
 T = np.arange(N) / 500.0
@@ -303,3 +307,75 @@ def test_a_zip_of_two_files_is_refused(tmp_path):
         archive.writestr("b.csv", TEXT)
     with pytest.raises(InputError, match=r"the zip file holds 2 files: a\.csv, b\.csv"):
         open_table(tmp_path / "run.zip")
+
+
+class Panic(BaseException):
+    """As libraries in Rust have it."""
+
+
+class Halfway:
+    """An object that fails once more when it goes, as what a library did not complete may do."""
+
+    def __init__(self, error):
+        sys.stdout.write("a line of the library")
+        raise error
+
+    def __del__(self):
+        raise AttributeError("no header")
+
+
+@pytest.mark.parametrize(
+    "error", [Panic("a range"), KeyError("x"), ValueError("two\nlines"), AssertionError()]
+)
+def test_whatever_a_library_makes_of_a_damaged_file_is_one_line(tmp_path, capfd, error):
+    with (
+        pytest.raises(InputError) as said,
+        extra.clean_errors(tmp_path / "run.h5", "is damaged", "Write it again"),
+    ):
+        Halfway(error)
+    assert str(said.value).endswith(
+        f"run.h5: is damaged ({type(error).__name__}: {extra.shown(error)}). Write it again."
+    )
+    assert len(str(said.value).splitlines()) == 1
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), KeyboardInterrupt(), InputError("its own sentence")])
+def test_what_is_no_error_of_the_file_is_passed_on(tmp_path, error):
+    with (
+        pytest.raises(type(error)) as said,
+        extra.clean_errors(tmp_path / "run.h5", "is damaged", "Write it again"),
+    ):
+        raise error
+    assert said.value is error
+
+
+def _clocked(clocks, samples):
+    columns = {name: lambda n=n: np.zeros(n) for name, n in samples.items()}
+    times = {name: lambda own=own: np.asarray(own, dtype=float) for name, own in clocks.items()}
+    return ArrayTable(Path("run.mf4"), tuple(columns), columns, {}, "channel", {}, times)
+
+
+@pytest.mark.parametrize(
+    ("clocks", "samples", "words"),
+    [
+        ({"x": [], "u": []}, {"x": 0, "u": 0}, "`x` has 0 samples, and its clock 0 times"),
+        ({"x": [0, 1, 2], "u": []}, {"x": 3, "u": 0}, "`u` has 0 samples"),
+        ({"x": [0, 1], "u": [0, 1]}, {"x": 3, "u": 2}, "`x` has 3 samples, and its clock 2 times"),
+        ({"x": [0, 1, 2], "u": [0, 2, 1]}, {"x": 3, "u": 3}, "clock of `u` does not run forward"),
+        ({"x": [0, np.nan, 2], "u": [0, 1, 2]}, {"x": 3, "u": 3}, "clock of `x` does not run forward"),
+    ],
+)
+def test_a_clock_that_does_not_fit_its_channel(clocks, samples, words):
+    table = _clocked(clocks, samples)
+    values = dict(zip(samples, table.read(list(samples)), strict=True))
+    with pytest.raises(InputError, match=words):
+        on_one_clock(values, {"x": "x", "u": "u"}, table)
+
+
+def test_one_clock_for_all_is_taken_as_it_is():
+    values, said = on_one_clock(
+        {"x": X, "u": U}, {"x": "x", "u": "u"}, _clocked({"x": T, "u": T}, {"x": N, "u": N})
+    )
+    np.testing.assert_array_equal(values["t"], T)
+    assert not said

@@ -138,6 +138,17 @@ def test_what_is_unpacked_is_limited(tmp_path, name):
             act(path)
 
 
+@pytest.mark.parametrize("name", ["run.csv.zip", "run.npz", "run.zip"])
+def test_a_zip_file_of_another_version_is_one_line(tmp_path, name):
+    """Python's own zipfile raises for it as soon as it is opened."""
+    zip_bomb(tmp_path / name)
+    data = bytearray((tmp_path / name).read_bytes())
+    directory = data.index(b"PK\x01\x02")
+    data[directory + 6] = 170  # the version that is needed to unpack it
+    (tmp_path / name).write_bytes(data)
+    check_message(lambda: open_table(tmp_path / name), [name])
+
+
 def test_the_limit_is_an_argument(tmp_path):
     load = toml(tmp_path)
     load()

@@ -266,7 +266,8 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
             valley[list(where)] += far
             projected = clusters - weighing.clusters @ coefficients
             projected = merged(projected, recordings)
-            p_value = _score_test(projected)
+            # Of what does nothing only rounding is left, which depends on the units and may look significant.
+            p_value = _score_test(projected) if np.any(np.diag(own) > _NOTHING) else 1.0
             if size == 1 and posterior.layout[where[0]].parameter.lower == 0.0:
                 # A strength that cannot be negative is tested on its own side.
                 p_value = 0.5 * p_value if step[-1] > 0.0 else 1.0 - 0.5 * p_value

@@ -231,8 +231,11 @@ def noise_level(recording: Recording, encoder_step: float | None = None) -> floa
         jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
         encoder_step = float(np.min(jumps)) if jumps.size else 0.0
     # The recording of a machine that never moves, by an encoder of unknown step, has neither noise nor a step.
-    smallest = max(1e-9 * float(np.max(np.abs(recording.x))), 1e-12)
-    return max(white_level(recording.x), encoder_step / np.sqrt(12.0)) or smallest
+    found = max(white_level(recording.x), encoder_step / np.sqrt(12.0))
+    return found or 1e-9 * float(np.max(np.abs(recording.x))) or _NO_POSITION
+
+
+_NO_POSITION = 1e-12  # position units: noise of a recording that is zero throughout, in any units
 
 
 def least_samples(sample_rate: float) -> int:

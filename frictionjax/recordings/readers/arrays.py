@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from frictionjax.core import InputError
 from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.extra import clean_errors
 from frictionjax.recordings.words import shown
 
 _WIDEST_MATRIX = 64
@@ -69,16 +70,9 @@ class ArrayTable(AbstractTable):
         return np.ascontiguousarray(since_the_first(self._values(name, read)), dtype=np.float64)
 
     def _values(self, name: str, read: Callable[[], np.ndarray]) -> np.ndarray:
-        try:
+        problem = f"the {self.noun} `{shown(name)}` cannot be read"
+        with clean_errors(self.path, problem, "Export the file again"):
             return np.asarray(read())
-        except InputError:
-            raise
-        except Exception as error:  # whatever a damaged file makes of the library that reads it
-            raise InputError(
-                f"the {self.noun} `{shown(name)}` cannot be read ({shown(type(error).__name__)}: {shown(error, 80)})",
-                file=shown(self.path, 200),
-                cure="Export the file again",
-            ) from None
 
     def place(self, index: int) -> str:
         return f"sample {index + 1}"

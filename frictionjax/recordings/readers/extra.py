@@ -1,6 +1,11 @@
 """Libraries that read one format each: loaded when a file needs them, named where they are absent."""
 
+import contextlib
 import importlib
+import io
+import sys
+import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -44,3 +49,39 @@ def optional(name: str) -> ModuleType | None:
         return importlib.import_module(name)
     except ImportError:
         return None
+
+
+@contextlib.contextmanager
+def clean_errors(path: Path, problem: str, cure: str) -> Iterator[None]:
+    """Whatever a damaged file makes of the library that reads it becomes an `InputError`, and what the library prints
+    meanwhile is left out. Panics of libraries in Rust, which are no `Exception`, are errors of the file as well.
+
+    **Arguments:**
+
+    - `path`: the file.
+    - `problem`: what is wrong then, as a clause; the words of the library are added to it.
+    - `cure`: what corrects it.
+
+    **Raises:** `InputError`; `MemoryError` as it is.
+    """
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    except (InputError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:
+        said = f"{shown(type(error).__name__)}: {shown(error, 80)}"
+        _let_go(error)
+        raise InputError(f"{problem} ({said})", file=shown(path, 200), cure=cure) from None
+
+
+def _let_go(error: BaseException | None) -> None:
+    """Free what the library held when it raised the `error`: objects that it did not complete may fail once more when
+    they end, which would be printed, and files stay open until then."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        while error is not None:
+            traceback.clear_frames(error.__traceback__)
+            error = error.__context__
+    finally:
+        sys.unraisablehook = before

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from frictionjax.core import InputError
 from frictionjax.recordings.readers.arrays import ArrayTable, Collected
-from frictionjax.recordings.readers.extra import library
+from frictionjax.recordings.readers.extra import clean_errors, library
 from frictionjax.recordings.words import shown
 
 
@@ -38,19 +37,14 @@ def open_feather(path: Path) -> ArrayTable:
 
 def _open(path: Path, reader: str) -> ArrayTable:
     polars = library("polars", path)
-    try:
-        frame = getattr(polars, reader)(path.read_bytes())
-    except (polars.exceptions.PolarsError, OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read ({shown(error, 80)})", file=shown(path, 200), cure="Write the file again"
-        ) from None
     found = Collected("column")
-    for column in frame:
-        kind = column.dtype
-        if kind.is_numeric() or kind.is_temporal() or kind == polars.Boolean:
-            if kind.is_numeric() and column.null_count():
-                column = column.cast(polars.Float64).fill_null(float("nan"))
-            found.add(column.name, column.to_numpy())
-        else:
-            found.refused[column.name] = f"holds {shown(kind)}, not numbers"
+    with clean_errors(path, "cannot be read", "Write the file again"):
+        for column in getattr(polars, reader)(path.read_bytes()):
+            kind = column.dtype
+            if kind.is_numeric() or kind.is_temporal() or kind == polars.Boolean:
+                if kind.is_numeric() and column.null_count():
+                    column = column.cast(polars.Float64).fill_null(float("nan"))
+                found.add(column.name, column.to_numpy())
+            else:
+                found.refused[column.name] = f"holds {shown(kind)}, not numbers"
     return found.table(path)

@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from frictionjax.core import InputError
 from frictionjax.recordings.readers.arrays import ArrayTable, Collected
-from frictionjax.recordings.readers.extra import library
-from frictionjax.recordings.words import shown
+from frictionjax.recordings.readers.extra import clean_errors, library
 
 _UNIT_ATTRIBUTES = ("units", "unit", "Units", "Unit")
 
@@ -57,13 +55,8 @@ def _open(path: Path, found: Collected, named: Callable[[str], str], cure: str) 
             return
         _collect(path, name, named(name), item, found)
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"is not an HDF5 file that can be read ({shown(error, 80)})", file=shown(path, 200), cure=cure
-        ) from None
+    with clean_errors(path, "is not an HDF5 file that can be read", cure), h5py.File(path, "r") as file:
+        file.visititems(visit)
     return found.table(path)
 
 
@@ -92,20 +85,13 @@ def _reading(path: Path, name: str, field: str | None = None) -> Callable[[int |
 
     def read(column: int | None) -> np.ndarray:
         h5py = library("h5py", path)
-        try:
-            with h5py.File(path, "r") as file:
-                item = file[name]
-                if field is not None:
-                    return item[field].ravel()
-                if column is None:
-                    return item[()].ravel()
-                return item[column] if item.shape[0] < item.shape[1] else item[:, column]
-        except (OSError, RuntimeError, ValueError, KeyError) as error:
-            raise InputError(
-                f"the data set `{shown(name)}` cannot be read ({shown(error, 80)})",
-                file=shown(path, 200),
-                cure="Write it again",
-            ) from None
+        with h5py.File(path, "r") as file:
+            item = file[name]
+            if field is not None:
+                return item[field].ravel()
+            if column is None:
+                return item[()].ravel()
+            return item[column] if item.shape[0] < item.shape[1] else item[:, column]
 
     return read
 

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionjax.core import InputError
 from frictionjax.recordings.readers.arrays import ArrayTable, Collected
-from frictionjax.recordings.readers.extra import library
-from frictionjax.recordings.words import shown
+from frictionjax.recordings.readers.extra import clean_errors, library
 
 
 def open_mf4(path: Path) -> ArrayTable:
@@ -26,30 +24,25 @@ def open_mf4(path: Path) -> ArrayTable:
     """
     asammdf = library("asammdf", path)
     found = Collected("channel")
-    try:
-        # A stream of ours is closed whatever happens.
-        with path.open("rb") as stream, asammdf.MDF(stream) as file:
-            places = [
-                (channel.name, group, index)
-                for group, content in enumerate(file.groups)
-                for index, channel in enumerate(content.channels)
-                if file.masters_db.get(group) != index
-            ]
-            times = Counter(name for name, _, _ in places)
-            for channel, group, index in places:
-                name = channel if times[channel] == 1 else f"{channel} (group {group + 1})"
-                found.columns[name] = _reading(path, group, index, clock=False)
-                found.clocks[name] = _reading(path, group, index, clock=True)
-                if unit := str(file.get_channel_unit(group=group, index=index) or ""):
-                    found.units[name] = unit
-    except InputError:
-        raise
-    except Exception as error:  # whatever a damaged file makes of the library
-        raise InputError(
-            f"is not an MDF file that can be read ({shown(error, 80)})",
-            file=shown(path, 200),
-            cure="Export it again, or as text",
-        ) from None
+    # A stream of ours is closed whatever happens.
+    with (
+        clean_errors(path, "is not an MDF file that can be read", "Export it again, or as text"),
+        path.open("rb") as stream,
+        asammdf.MDF(stream) as file,
+    ):
+        places = [
+            (channel.name, group, index)
+            for group, content in enumerate(file.groups)
+            for index, channel in enumerate(content.channels)
+            if file.masters_db.get(group) != index
+        ]
+        times = Counter(name for name, _, _ in places)
+        for channel, group, index in places:
+            name = channel if times[channel] == 1 else f"{channel} (group {group + 1})"
+            found.columns[name] = _reading(path, group, index, clock=False)
+            found.clocks[name] = _reading(path, group, index, clock=True)
+            if unit := str(file.get_channel_unit(group=group, index=index) or ""):
+                found.units[name] = unit
     return found.table(path)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from frictionjax.core import FrictionjaxWarning, InputError
-from frictionjax.recordings.readers.extra import library
+from frictionjax.recordings.readers.extra import clean_errors, library
 from frictionjax.recordings.readers.text import TextTable, table_of
 from frictionjax.recordings.words import listed, shown
 
@@ -25,18 +25,14 @@ def open_sheet(path: Path) -> TextTable:
     `FrictionjaxWarning` where other sheets hold numbers, too.
     """
     calamine = library("python_calamine", path)
-    try:
-        with calamine.CalamineWorkbook.from_path(path) as book:
-            sheets = {
-                name: book.get_sheet_by_name(name).to_python(skip_empty_area=False)
-                for name in book.sheet_names
-            }
-    except (calamine.CalamineError, OSError, ValueError) as error:
-        raise InputError(
-            f"is not a spreadsheet that can be read ({shown(error, 80)})",
-            file=shown(path, 200),
-            cure="Save it again, or export the sheet as CSV",
-        ) from None
+    cure = "Save it again, or export the sheet as CSV"
+    with (
+        clean_errors(path, "is not a spreadsheet that can be read", cure),
+        calamine.CalamineWorkbook.from_path(path) as book,
+    ):
+        sheets = {
+            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in book.sheet_names
+        }
     counts = {name: sum(_is_number(cell) for row in rows for cell in row) for name, rows in sheets.items()}
     filled = [name for name, count in counts.items() if count]
     if not filled:

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionjax.core import InputError
 from frictionjax.recordings.readers.arrays import ArrayTable, Collected
-from frictionjax.recordings.readers.extra import library
-from frictionjax.recordings.words import shown
+from frictionjax.recordings.readers.extra import clean_errors, library
 
 
 def open_tdms(path: Path) -> ArrayTable:
@@ -25,35 +23,30 @@ def open_tdms(path: Path) -> ArrayTable:
     """
     nptdms = library("nptdms", path)
     found = Collected("channel")
-    try:
-        # A stream of ours is closed whatever happens.
-        with path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
-            channels = [channel for group in file.groups() for channel in group.channels()]
-            names = [channel.name for channel in channels]
-            for channel in channels:
-                group = channel.group_name
-                name = channel.name if names.count(channel.name) == 1 else f"{group}/{channel.name}"
-                found.add_later(
-                    name, (len(channel),), np.dtype(channel.dtype), _reading(path, group, channel.name)
+    # A stream of ours is closed whatever happens.
+    with (
+        clean_errors(path, "is not a TDMS file that can be read", "Export it again, or as text"),
+        path.open("rb") as stream,
+        nptdms.TdmsFile.open(stream) as file,
+    ):
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        names = [channel.name for channel in channels]
+        for channel in channels:
+            group = channel.group_name
+            name = channel.name if names.count(channel.name) == 1 else f"{group}/{channel.name}"
+            found.add_later(
+                name, (len(channel),), np.dtype(channel.dtype), _reading(path, group, channel.name)
+            )
+            if name not in found.columns:
+                continue
+            if unit := str(channel.properties.get("unit_string", "")):
+                found.units[name] = unit
+            if "wf_increment" in channel.properties:
+                found.clocks[name] = _clock(
+                    float(channel.properties.get("wf_start_offset", 0.0)),
+                    float(channel.properties["wf_increment"]),
+                    len(channel),
                 )
-                if name not in found.columns:
-                    continue
-                if unit := str(channel.properties.get("unit_string", "")):
-                    found.units[name] = unit
-                if "wf_increment" in channel.properties:
-                    found.clocks[name] = _clock(
-                        float(channel.properties.get("wf_start_offset", 0.0)),
-                        float(channel.properties["wf_increment"]),
-                        len(channel),
-                    )
-    except InputError:
-        raise
-    except Exception as error:  # whatever a damaged file makes of the library
-        raise InputError(
-            f"is not a TDMS file that can be read ({shown(error, 80)})",
-            file=shown(path, 200),
-            cure="Export it again, or as text",
-        ) from None
     return found.table(path)
 
 

@@ -121,9 +121,10 @@ class TextTable(AbstractTable):
         """Line by line: right for files with text in unused columns, and able to name the place of an error."""
         rows: list[list[float]] = []
         origins: dict[int, datetime] = {}
-        width = self.layout.width
+        # What is asked of a Module is wrapped at each asking, which would take longer than to read the line.
+        width, separator, value = self.layout.width, self.layout.separator, self._value
         for number, line in content_lines(text.split("\n"), self.layout.start):
-            fields = split(re.split("[#%]", line, maxsplit=1)[0], self.layout.separator)
+            fields = split(re.split("[#%]", line, maxsplit=1)[0], separator)
             if len(fields) == width + 1 and not fields[-1]:
                 fields = fields[:-1]
             if len(fields) != width:
@@ -133,7 +134,7 @@ class TextTable(AbstractTable):
                     place=f"line {number}",
                     cure="Complete the line or delete it (a file cut short ends like this)",
                 )
-            rows.append([self._value(fields[k], number, k, origins) for k in columns])
+            rows.append([value(fields[k], number, k, origins) for k in columns])
         return list(np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T.copy())
 
     def _value(self, field: str, line: int, column: int, origins: dict[int, datetime]) -> float:
