@@ -229,7 +229,15 @@ def _diagnose(case: Case, executor: Executor, progress: Progress, rule: Rule, ef
         plant=plant,
         verdict=verdict,
         summary=summary_sentence(
-            verdict, missing, unexplained, located.where, fits, unmeasured, plant.force_unit, rule=rule
+            verdict,
+            missing,
+            unexplained,
+            located.where,
+            fits,
+            unmeasured,
+            plant.force_unit,
+            position_unit=plant.position_unit,
+            rule=rule,
         ),
         missing=missing,
         unexplained=unexplained,

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.physics.effects import catalogue
+from frictionjax.recordings.words import shown
 from frictionjax.report.chart import Chart, Panel, Series
 from frictionjax.report.format import engineering
 from frictionjax.report.motion import Motion, bristle_bend
@@ -147,7 +148,7 @@ def over_displacement(diagnosis: Diagnosis, motions: Sequence[Motion], extended:
         )
         for name, words_of in (*_MODELS[1 : 3 if extended else 2], _MODELS[0])
     )
-    note = f"{one.name}, {one.t[part.start]:.3g} to {one.t[part.stop - 1]:.3g} s"
+    note = f"{shown(one.name, 24)}, {one.t[part.start]:.3g} to {one.t[part.stop - 1]:.3g} s"
     panel = Panel("friction", unit, series, limits(*(s.y for s in series)), 274, note)
     return Chart("displacement", label, (panel,), limits(*(s.x for s in series)), path=True)
 
@@ -264,7 +265,9 @@ def _spectrum(diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool) -
         Series(f"{colour} model", colour, x, times * y, style="thick" if colour == "base" else "line")
         for colour, x, y in found
     )
-    panel = Panel("residual force", f"{unit}/√Hz", series, limits(*(s.y for s in series)), 274, one.name)
+    panel = Panel(
+        "residual force", f"{unit}/√Hz", series, limits(*(s.y for s in series)), 274, shown(one.name, 24)
+    )
     return Chart("frequency", "Hz", (panel,), (float(edges[0]), float(edges[-1])), logarithmic=True)
 
 

@@ -35,7 +35,7 @@ def render(diagnosis: Diagnosis) -> str:
     HTML that opens with what is missing, how much better the model is with it, and what to do next.
     """
     bodies = [(section.title, section.body(diagnosis)) for section in SECTIONS]
-    return fill(
+    page = fill(
         "page.html.j2",
         summary=diagnosis.summary,
         case=diagnosis.case,
@@ -49,6 +49,7 @@ def render(diagnosis: Diagnosis) -> str:
         ],
         version=version("frictionjax"),
     )
+    return str(page)
 
 
 def _own(name: str) -> Markup:
