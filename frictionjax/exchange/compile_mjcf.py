@@ -10,18 +10,10 @@ from frictionjax.core import InputError
 from frictionjax.exchange.joint_text import INSTALL, JointText, held
 from frictionjax.exchange.read_mjcf import checked_kind, missing
 from frictionjax.exchange.rigid import JointLoad
+from frictionjax.recordings.readers.extra import optional
 from frictionjax.recordings.words import shown
 
 _KINDS = ("free", "ball", "slide", "hinge")  # in the order of MuJoCo
-
-
-def mujoco_module() -> Any:
-    """The package `mujoco`; None where it is not installed."""
-    try:
-        import mujoco
-    except ImportError:
-        return None
-    return mujoco
 
 
 def compile_mjcf(text: str, file: Path | None, joint: str, plain: JointText | None) -> JointText:
@@ -37,7 +29,7 @@ def compile_mjcf(text: str, file: Path | None, joint: str, plain: JointText | No
 
     **Raises:** `InputError` for a model that MuJoCo refuses, and where the joint is not in it.
     """
-    mujoco = mujoco_module()
+    mujoco: Any = optional("mujoco")
     if mujoco is None:
         if plain is None:
             raise InputError("must be compiled by MuJoCo", file=file, cure=f"Run {INSTALL}")
