@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping
 
 from frictionjax.core import Estimate, Parameter
+from frictionjax.diagnosis.verdict import MissingEffect
 from frictionjax.estimation.parameters import INERTIA
 from frictionjax.physics import LuGre
-from frictionjax.physics.effects import catalogue
+from frictionjax.physics.effects import AbstractEffect, catalogue
 
 _AMPLITUDE = "amplitude of the wave"
 _PHASE = "phase of the wave: amplitude times the sine of (2π position/period + phase)"
@@ -31,6 +32,12 @@ def meaning_of(label: str) -> str:
     if name.startswith("amplitude"):
         return _AMPLITUDE
     return _PHASE if name.startswith("phase") else ""
+
+
+def form_of(found: MissingEffect) -> type[AbstractEffect] | None:
+    """The form of a named effect that has the parameters found; None for one that is not in the catalogue."""
+    forms = catalogue().get(found.effect, ())
+    return next((form for form in forms if found.parameters.keys() <= {one.name for one in _of(form)}), None)
 
 
 def with_amplitudes(parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -61,5 +68,5 @@ def _polar(sine: Estimate, cosine: Estimate) -> tuple[Estimate, Estimate]:
     return Estimate(size, along, sine.unit, identified), Estimate(angle, turn, "deg", identified)
 
 
-def _of(form: type) -> tuple[Parameter, ...]:
+def _of(form: type[AbstractEffect]) -> tuple[Parameter, ...]:
     return (*form.strengths, *form.nuisances)

@@ -5,10 +5,10 @@ from typing import ClassVar
 from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis
-from frictionjax.physics.effects import catalogue
 from frictionjax.report.format import words
 from frictionjax.report.friction import over_displacement, over_velocity, where_it_acts
 from frictionjax.report.html import figure, legend
+from frictionjax.report.meanings import form_of
 from frictionjax.report.motion import motions_of
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.series import is_extended
@@ -51,12 +51,12 @@ class Friction(AbstractSection):
         for found in diagnosis.missing:
             acts = where_it_acts(found.effect, diagnosis, motions, extended)
             if acts is not None:
-                shows = catalogue()[found.effect][0].about.shows
-                name = words(found.effect).capitalize()
+                name, form = words(found.effect).capitalize(), form_of(found)
+                shows = f". It shows in {form.about.shows}" if form else ""
                 pictures.append(
                     figure(
                         lambda chart=acts: chart,
-                        f"{name}: {acts.panels[0].name} over {acts.name}. It shows in {shows}",
+                        f"{name}: {acts.panels[0].name} over {acts.name}{shows}",
                     )
                 )
         if not pictures:

@@ -5,9 +5,8 @@ from typing import Any, ClassVar
 from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis, MissingEffect
-from frictionjax.physics.effects import catalogue
 from frictionjax.report.format import estimate_text, p_equals, percent, unit_text, words
-from frictionjax.report.meanings import meaning_of, with_amplitudes
+from frictionjax.report.meanings import form_of, meaning_of, with_amplitudes
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.sentences import remainder
 from frictionjax.report.template import fill
@@ -51,8 +50,7 @@ def _card(found: MissingEffect) -> dict[str, Any]:
         facts.append(("experiment that would distinguish them", found.split_by))
     if found.next_experiment is not None:
         facts.append(("how long it must last", found.next_experiment.sentence))
-    forms = catalogue().get(found.effect, ())
-    form = next((form for form in forms if found.parameters.keys() <= _parameters(form)), None)
+    form = form_of(found)
     if form is not None:
         facts.append(("shows in", form.about.shows))
     return {
@@ -61,7 +59,3 @@ def _card(found: MissingEffect) -> dict[str, Any]:
         "facts": facts,
         "equation": form.about.equation if form else "",
     }
-
-
-def _parameters(form: Any) -> set[str]:
-    return {parameter.name for parameter in (*form.strengths, *form.nuisances)}
