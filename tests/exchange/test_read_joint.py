@@ -63,7 +63,7 @@ def _values(known):
 
 def _compiled(xml, joint):
     """Inertia, and gravity on the joint at two positions, as MuJoCo computes them."""
-    mujoco = pytest.importorskip("mujoco")
+    mujoco = pytest.importorskip("mujoco", minversion="4.0")
     model = mujoco.MjModel.from_xml_string(xml)
     data, number = mujoco.MjData(model), model.joint(joint).id
     dof, place = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
@@ -187,7 +187,7 @@ SHAPES = """<mujoco><worldbody><body><joint name="j" armature="0.1" damping="0.2
 
 
 def test_bodies_made_of_shapes_need_mujoco(monkeypatch):
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", minversion="4.0")
     inertia, _ = _compiled(SHAPES, "j")
     parameters, _ = _values(read_mujoco_joint(SHAPES, "j"))
     assert parameters["J"] == pytest.approx(inertia) and inertia > 0.3
@@ -198,7 +198,7 @@ def test_bodies_made_of_shapes_need_mujoco(monkeypatch):
 
 
 def test_a_joint_of_an_included_file_is_found(tmp_path):
-    pytest.importorskip("mujoco")
+    pytest.importorskip("mujoco", minversion="4.0")
     (tmp_path / "link.xml").write_text(ARM.replace("shoulder", "hip"), encoding="utf-8")
     scene = tmp_path / "scene.xml"
     scene.write_text('<mujoco><include file="link.xml"/></mujoco>', encoding="utf-8")
