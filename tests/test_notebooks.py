@@ -42,7 +42,7 @@ MACHINES = {
 
 IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in {*HERE, *MACHINES}]
 
-WITHOUT_OUTPUTS = ("03a_motor_bench", "03b_tribometer", "03c_pendulum")
+WITHOUT_OUTPUTS = tuple(MACHINES)
 """Notebooks that are kept as they are written; the others have the outputs of a whole run, by `python
 notebooks/keep_outputs.py`."""
 
