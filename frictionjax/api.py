@@ -24,11 +24,13 @@ from frictionjax.estimation import fit as fit
 from frictionjax.estimation import fit_many as fit_many
 from frictionjax.estimation import profile_likelihood as profile_likelihood
 from frictionjax.exchange import JointModel as JointModel
+from frictionjax.exchange import KnownJoint as KnownJoint
 from frictionjax.exchange import MujocoJoint as MujocoJoint
 from frictionjax.exchange import bam_parameters as bam_parameters
 from frictionjax.exchange import isaac_lab_actuator as isaac_lab_actuator
 from frictionjax.exchange import load_fit as load_fit
 from frictionjax.exchange import mujoco_joint as mujoco_joint
+from frictionjax.exchange import read_mujoco_joint as read_mujoco_joint
 from frictionjax.exchange import save_fit as save_fit
 from frictionjax.exchange import urdf_dynamics as urdf_dynamics
 from frictionjax.frequency import BLA as BLA
@@ -119,6 +121,7 @@ __all__ = [
     "Information",
     "InputError",
     "JointModel",
+    "KnownJoint",
     "LuGre",
     "MujocoJoint",
     "Observation",
@@ -169,6 +172,7 @@ __all__ = [
     "profile_likelihood",
     "rank_experiments",
     "rank_for_discrimination",
+    "read_mujoco_joint",
     "recording_from_frame",
     "resonances",
     "run_study",

@@ -26,20 +26,34 @@ def test_there_is_the_paper():
     assert "01_the_paper.ipynb" in [path.name for path in NOTEBOOKS]
 
 
-KEPT = ("00_quickstart", "02_monte_carlo", "04_full_refit", "05_your_own_effect")
-"""Notebooks with the outputs of a whole run, by `python notebooks/keep_outputs.py`; their cells are executed in this
-process, without their diagnosis, their fits and their studies."""
+HERE = (
+    *("00_quickstart", "01a_the_open_question", "01b_which_estimator", "02_monte_carlo", "04_full_refit"),
+    *("05_your_own_effect", "06_a_robot_joint"),
+)
+"""Notebooks whose cells are executed in this process, without their diagnosis, their fits and their studies."""
 
-IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in KEPT]
+MACHINES = {
+    "03_real_machines": "emps",
+    "03a_motor_bench": "motor_bench",
+    "03b_tribometer": "tribometer",
+    "03c_pendulum": "pendulum",
+}
+"""Notebooks on recordings that the reader has, and their names among `MACHINES`."""
+
+IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in {*HERE, *MACHINES}]
+
+WITHOUT_OUTPUTS = tuple(MACHINES)
+"""Notebooks that are kept as they are written; the others have the outputs of a whole run, by `python
+notebooks/keep_outputs.py`."""
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_has_no_outputs_or_those_of_a_whole_run(path):
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
-    assert len(code) > 3
+    assert len(code) >= 3
     outputs = [output for cell in code for output in cell["outputs"]]
-    if path.stem not in KEPT:
+    if path.stem in WITHOUT_OUTPUTS:
         assert outputs == []
         assert all(cell["execution_count"] is None for cell in code)
         return
@@ -49,9 +63,10 @@ def test_a_notebook_has_no_outputs_or_those_of_a_whole_run(path):
     assert "/tmp/" not in json.dumps(outputs)
 
 
-def _execute(stem, monkeypatch):
-    """Execute the cells of a notebook here, in its small setting, and return the names that it made."""
-    monkeypatch.setenv("FRICTIONJAX_SMALL", "1")
+def _execute(stem, monkeypatch, *, small=True):
+    """Execute the cells of a notebook here, in its small setting unless what is large is replaced, and return the names
+    that it made."""
+    monkeypatch.setenv("FRICTIONJAX_SMALL", str(int(small)))
     names: dict = {}
     for cell in nbformat.read(FOLDER / f"{stem}.ipynb", as_version=4).cells:
         if cell.cell_type == "code":
@@ -222,7 +237,7 @@ def _comparison(draws, levels):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stem", KEPT)
+@pytest.mark.parametrize("stem", HERE)
 def test_a_notebook_that_is_executed_here_runs_whole(stem, monkeypatch):
     for name in ("JAX_ENABLE_X64", "XLA_FLAGS", "MPLBACKEND", "FRICTIONJAX_SMALL"):
         monkeypatch.delenv(name, raising=False)
@@ -255,39 +270,81 @@ def test_a_notebook_runs_in_its_small_setting(path, monkeypatch):
         assert images >= 4
 
 
+def test_the_open_question_is_diagnosed_and_drawn(monkeypatch, capsys):
+    """All of it but the diagnosis itself, which other tests make."""
+    given = []
+    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: given.append(case) or fake_diagnosis())
+    monkeypatch.setattr("frictionjax.paper.experiments.case_of", lambda twin: f"the case of {twin.name}")
+    names = _execute("01a_the_open_question", monkeypatch, small=False)
+    assert given == ["the case of softening bristle"]
+    before, after = names["found"].held_out_rmse()
+    assert f"0.1 s ahead: {1e6 * before:.2f} -> {1e6 * after:.2f} µrad" in capsys.readouterr().out
+
+
+def test_the_estimators_are_compared_and_drawn(monkeypatch, capsys):
+    monkeypatch.setattr(
+        "frictionjax.studies.estimator_comparison.compare_estimators",
+        lambda *, draws, levels: _comparison(draws, levels),
+    )
+    names = _execute("01b_which_estimator", monkeypatch)
+    printed = capsys.readouterr().out
+    assert "joint      noise" in printed and "bias -1.00e-02" in printed
+    assert len(names["axes"].lines) == len(ESTIMATORS)
+
+
+def test_a_robot_joint_is_read_recorded_and_written_back(monkeypatch, capsys):
+    """All of it but the diagnosis itself: the file is read, and the machine recorded, as at full size."""
+    given = []
+    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: given.append(case) or fake_diagnosis())
+    names = _execute("06_a_robot_joint", monkeypatch, small=False)
+    (case,) = given
+    assert case.model == names["known"].model and case.plant.motor_constant == 1.0
+    assert [one.role for one in case.recordings] == ["fit"] * 3 + ["holdout"]
+    assert case.model.parameters["J"].value == pytest.approx(0.08 + 0.02 + 1.8 * 0.25**2)
+    assert names["gravity"] == pytest.approx(1.8 * 9.81 * 0.25)
+    assert all(1.0 < np.ptp(one.x) < 4.0 for one in case.recordings)
+    printed = capsys.readouterr().out
+    assert 'effects = [{name = "gravity_pendulum"' in printed
+    assert "<joint" in printed and "lugre=" in printed
+
+
+@pytest.mark.parametrize("stem", MACHINES)
+def test_a_real_machine_is_reported_and_drawn(stem, monkeypatch, capsys):
+    """What the notebook does with a diagnosis, where its data are absent."""
+    asked = []
+    monkeypatch.setattr(
+        "frictionjax.studies.real_machines.load_machine", lambda name: asked.append(name) or "a case"
+    )
+    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: fake_diagnosis())
+    names = _execute(stem, monkeypatch, small=False)
+    assert asked == [MACHINES[stem]]
+    found = names["found"]
+    before, after = found.held_out_rmse()
+    assert f"0.1 s ahead: {before:.3g} -> {after:.3g} rad" in capsys.readouterr().out
+    drawn = [patch.get_width() for patch in names["left"].patches]
+    assert max(drawn) == max(b.excess for b in found.mismatch if b.axis in ("regime", "direction"))
+    assert names["right"].get_ylabel() == "residual force (N*m)"
+
+
+def test_where_the_recordings_are_absent_a_notebook_says_so(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("FRICTIONJAX_DATA", str(tmp_path))
+    names = _execute("03c_pendulum", monkeypatch)
+    assert names["case"] is None and names["found"] is None
+    assert "Left out: " in capsys.readouterr().out
+
+
 REAL = FOLDER.parents[1] / "shared" / "real"
 
 
-def test_the_real_machines_are_reported_and_drawn(monkeypatch, capsys):
-    """What the notebook does with a diagnosis, where its data are absent."""
-    cells = nbformat.read(FOLDER / "03_real_machines.ipynb", as_version=4).cells
-    code = [cell.source for cell in cells if cell.cell_type == "code"]
-    helpers = next(source for source in code if "def draw" in source)
-    monkeypatch.setattr(plt, "show", lambda: None)
-    names: dict = {"fj": fj, "np": np, "plt": plt, "load_machine": None, "SMALL": True}
-    exec(helpers, names)
-    found = fake_diagnosis()
-    names["summarise"](found)
-    before, after = found.held_out_rmse()
-    assert f"0.1 s ahead: {before:.3g} -> {after:.3g} rad" in capsys.readouterr().out
-    names["draw"](found)
-    left, right = plt.gcf().axes
-    drawn = [patch.get_width() for patch in left.patches]
-    assert max(drawn) == max(b.excess for b in found.mismatch if b.axis in ("regime", "direction"))
-    assert right.get_ylabel() == "residual force (N*m)"
-    plt.close()
-
-
 @pytest.mark.slow
+@pytest.mark.parametrize("stem", MACHINES)
 @pytest.mark.skipif(not REAL.exists(), reason="the recordings are not beside the repository")
-def test_the_real_machines_run_whole(monkeypatch):
+def test_a_real_machine_runs_whole(stem, monkeypatch):
     for name in ("JAX_ENABLE_X64", "XLA_FLAGS", "MPLBACKEND", "FRICTIONJAX_SMALL"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     monkeypatch.setenv("FRICTIONJAX_DATA", str(REAL))
-    notebook = nbformat.read(FOLDER / "03_real_machines.ipynb", as_version=4)
+    notebook = nbformat.read(FOLDER / f"{stem}.ipynb", as_version=4)
     NotebookClient(notebook, timeout=1200, kernel_name="python3").execute()
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
-    stated = "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
-    images = sum("image/png" in output.get("data", {}) for output in outputs)
-    assert images >= stated.count("Known of ") > 0
+    assert any("image/png" in output.get("data", {}) for output in outputs)

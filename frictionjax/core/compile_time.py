@@ -1,6 +1,8 @@
 """How much of a verb's time JAX spent on compilation, reported apart from the run time."""
 
+import threading
 import time
+from typing import ClassVar
 
 import jax
 
@@ -8,26 +10,41 @@ _EVENT = "/jax/core/compile/backend_compile_duration"
 
 
 class CompileClock:
-    """Sums the compilation time of this process; `seconds` since this clock was made."""
+    """Time during which this process compiles, by whatever thread; `seconds` since this clock was made.
 
-    _total = 0.0
+    Threads that compile at one time count once, so that it is never more than the time that has passed.
+    """
+
+    _intervals: ClassVar[list[tuple[float, float]]] = []
+    _lock: ClassVar[threading.Lock] = threading.Lock()
     _listening = False
 
     def __init__(self) -> None:
         if not CompileClock._listening:
             jax.monitoring.register_event_duration_secs_listener(CompileClock._note)
             CompileClock._listening = True
-        self._before = CompileClock._total
+        self._made = time.perf_counter()
 
     @staticmethod
     def _note(event: str, duration_secs: float, **_: str | int) -> None:
         if event == _EVENT:
-            CompileClock._total += duration_secs
+            CompileClock.compiled(duration_secs, time.perf_counter())
+
+    @staticmethod
+    def compiled(seconds: float, end: float) -> None:
+        """Note that a thread compiled for so many `seconds` until `end`, of `time.perf_counter()`."""
+        with CompileClock._lock:
+            begin, known = end - seconds, CompileClock._intervals
+            while known and known[-1][1] >= begin:
+                earlier, later = known.pop()
+                begin, end = min(begin, earlier), max(end, later)
+            known.append((begin, end))
 
     @property
     def seconds(self) -> float:
-        """Compilation time since this clock was made, s (of all threads together)."""
-        return CompileClock._total - self._before
+        """Time during which something was compiled since this clock was made, s."""
+        with CompileClock._lock:
+            return sum(end - max(begin, self._made) for begin, end in self._intervals if end > self._made)
 
 
 class Stages:

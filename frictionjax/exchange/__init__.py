@@ -7,4 +7,6 @@ from frictionjax.exchange.isaac_lab import isaac_lab_actuator as isaac_lab_actua
 from frictionjax.exchange.joint import JointModel as JointModel
 from frictionjax.exchange.mujoco import MujocoJoint as MujocoJoint
 from frictionjax.exchange.mujoco import mujoco_joint as mujoco_joint
+from frictionjax.exchange.read_joint import KnownJoint as KnownJoint
+from frictionjax.exchange.read_joint import read_mujoco_joint as read_mujoco_joint
 from frictionjax.exchange.urdf import urdf_dynamics as urdf_dynamics

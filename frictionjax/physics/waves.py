@@ -1,5 +1,7 @@
 """Waves: periodic functions of position or time, and the fields of the effects that are such waves."""
 
+from typing import ClassVar, Literal
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -30,6 +32,8 @@ class AbstractWave(eqx.Module):
     **Arguments:** `sine`, `cosine`: parts of the wave; `period`: position units.
     """
 
+    along: ClassVar[Literal["position"]] = "position"
+
     sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
@@ -45,6 +49,8 @@ class AbstractWaveWithOvertone(eqx.Module):
     **Arguments:** `sine`, `cosine`: parts of the wave; `sine2`, `cosine2`: those at half the period; `period`: position
     units.
     """
+
+    along: ClassVar[Literal["position"]] = "position"
 
     sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)

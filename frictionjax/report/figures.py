@@ -1,4 +1,4 @@
-"""The figures of the report: one function each, returned as a PNG data URI."""
+"""The charts of a recording over time: measured and modelled, and the residual force."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,14 +7,16 @@ from jaxtyping import Float
 
 from frictionjax.diagnosis.verdict import RecordingFit
 from frictionjax.recordings import Plant
-from frictionjax.report import canvas
+from frictionjax.report.chart import Chart, Panel, Series
 from frictionjax.report.format import engineering, quantity
 from frictionjax.report.series import limits
+
+_MODELS = ("base", "extended")
 
 
 @runtime_checkable
 class Draw(Protocol):
-    """A figure of one interval of a recording, as a PNG data URI.
+    """The chart of one interval of a recording.
 
     `window` selects the samples to draw and `mark` those to tint; the units of `plant` label the axes; `extended`
     says whether there is an extended model to draw.
@@ -22,90 +24,83 @@ class Draw(Protocol):
 
     def __call__(
         self, recording: RecordingFit, plant: Plant, extended: bool, window: slice, mark: slice | None = None
-    ) -> str: ...
+    ) -> Chart: ...
 
 
 def comparison(
     recording: RecordingFit, plant: Plant, extended: bool, window: slice, mark: slice | None = None
-) -> str:
+) -> Chart:
     """Measured output and both models, the errors of their 0.1 s predictions, and the input.
 
     The upper panel has the measured output (dark, on top), the predictions (solid) and the free runs (dashed);
     in the middle panel, plus and minus twice the noise floor is shaded.
 
     **Arguments:** as `Draw`; the arrays of `recording` have shape `(n,)`.
-
-    **Returns:**
-
-    A PNG data URI.
     """
     answer, unit, measured = answer_of(recording, plant)
     t, measured = recording.t[window], measured[window]
-    predicted = [recording.predicted_base[window]]
-    free = [recording.free_base[window]]
-    if extended:
-        predicted.append(recording.predicted_extended[window])
-        free.append(recording.free_extended[window])
-    colours = (canvas.BASE, canvas.EXTENDED)
-    with canvas.stack((1.5, 1.5, 0.6)) as (figure, (upper, middle, lower)):
-        # Far from zero the axis counts from the first sample, for short tick labels.
-        origin = float(measured[0]) if abs(float(np.nanmean(measured))) > 4 * _span(measured) else 0.0
-        factor, label = engineering(unit, _span(measured))
-        for series, colour in zip(free, colours, strict=False):
-            canvas.line(upper, t, factor * (series - origin), colour, dashed=True, width=0.9)
-        for series, colour in zip(predicted, colours, strict=False):
-            canvas.line(upper, t, factor * (series - origin), colour, width=1.8)
-        canvas.line(upper, t, factor * (measured - origin), canvas.MEASURED, width=0.8)
-        # A free run may diverge, so the measured motion and the predictions set the limits.
-        upper.set_ylim(
-            limits(*(factor * (series - origin) for series in (measured, *predicted)), margin=0.12)
-        )
-        upper.set_ylabel(_labelled(answer, label))
-        if origin:
-            canvas.note(upper, f"counted from {quantity(origin, unit, 6)}")
+    models = _MODELS[: 2 if extended else 1]
+    predicted = [getattr(recording, f"predicted_{model}")[window] for model in models]
+    free = [getattr(recording, f"free_{model}")[window] for model in models]
+    # Far from zero the axis counts from the first sample, for short tick labels.
+    far = measured.size > 0 and abs(float(np.nanmean(measured))) > 4 * _span(measured)
+    origin = float(measured[0]) if far else 0.0
+    factor, label = engineering(unit, _span(measured))
 
-        errors = [series - measured for series in predicted]
-        factor, label = engineering(unit, max(_size(error) for error in errors))
-        canvas.band(middle, t, np.full(t.size, 2 * factor * recording.noise_floor))
-        for error, colour in zip(errors, colours, strict=False):
-            canvas.line(middle, t, factor * error, colour)
-        middle.set_ylim(limits(*(factor * error for error in errors)))
-        middle.set_ylabel(_labelled("prediction error", label))
+    def shifted(series: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        return factor * (series - origin)
 
-        cause, unit = ("position", plant.position_unit) if answer == "force" else ("input", plant.input_unit)
-        imposed = (recording.x if answer == "force" else recording.u)[window]
-        factor, label = engineering(unit, _size(imposed))
-        canvas.line(lower, t, factor * imposed, canvas.MEASURED, width=0.8)
-        lower.set_ylim(limits(factor * imposed, margin=0.1))
-        lower.set_ylabel(_labelled(cause, label))
-        return _finished(figure, recording, window, mark)
+    upper = [
+        Series(f"{model}, free run", model, t, shifted(y), style="dashed")
+        for y, model in zip(free, models, strict=True)
+    ]
+    upper += [
+        Series(f"{model}, 0.1 s ahead", model, t, shifted(y), style="thick")
+        for y, model in zip(predicted, models, strict=True)
+    ]
+    upper.append(Series("measured", "measured", t, shifted(measured)))
+    # A free run may diverge, so the measured motion and the predictions set the limits.
+    seen = limits(*(shifted(y) for y in (measured, *predicted)), margin=0.12)
+    note = f"counted from {quantity(origin, unit, 6)}" if origin else ""
+    panels = [Panel(answer, label, tuple(upper), seen, 130, note)]
+
+    errors = [y - measured for y in predicted]
+    factor, label = engineering(unit, max(_size(error) for error in errors))
+    wide = np.full(t.size, 2 * factor * recording.noise_floor)
+    middle = [Series("noise floor", "band", t, wide, -wide)]
+    middle += [
+        Series(f"{model}, error", model, t, factor * e) for e, model in zip(errors, models, strict=True)
+    ]
+    panels.append(Panel("error", label, tuple(middle), limits(*(factor * error for error in errors)), 130))
+
+    cause, unit = ("position", plant.position_unit) if answer == "force" else ("input", plant.input_unit)
+    imposed = (recording.x if answer == "force" else recording.u)[window]
+    factor, label = engineering(unit, _size(imposed))
+    lower = Series(cause, "measured", t, factor * imposed)
+    panels.append(Panel(cause, label, (lower,), limits(factor * imposed, margin=0.1), 76))
+    return _over_time(tuple(panels), recording, window, mark)
 
 
 def residual(
     recording: RecordingFit, plant: Plant, extended: bool, window: slice, mark: slice | None = None
-) -> str:
+) -> Chart:
     """The residual force of the base and of the extended model, over its band of ±2 standard deviations.
 
     **Arguments:** as `Draw`; the arrays of `recording` have shape `(n,)`.
-
-    **Returns:**
-
-    A PNG data URI.
     """
     t, std = recording.t[window], recording.residual_force_std[window]
     forces = [recording.residual_force[window]]
     if extended:
         forces.append(recording.residual_force_extended[window])
-    with canvas.stack((1.5,)) as (figure, (axes,)):
-        factor, label = engineering(plant.force_unit, max(_size(force) for force in forces))
-        canvas.band(axes, t, 2 * factor * std)
-        for force, colour in zip(forces, (canvas.BASE, canvas.EXTENDED), strict=False):
-            canvas.line(axes, t, factor * force, colour)
-        # The band is very wide where nothing moves, so the residuals and the median band set the limits.
-        quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
-        axes.set_ylim(limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet])))
-        axes.set_ylabel(_labelled("residual force", label))
-        return _finished(figure, recording, window, mark)
+    factor, label = engineering(plant.force_unit, max(_size(force) for force in forces))
+    # The band is very wide where nothing moves, so the residuals and the median band set the limits.
+    quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
+    seen = limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet]))
+    series = [Series("± 2 standard deviations", "band", t, 2 * factor * std, -2 * factor * std)]
+    series += [
+        Series(f"{model} model", model, t, factor * y) for y, model in zip(forces, _MODELS, strict=False)
+    ]
+    return _over_time((Panel("residual force", label, tuple(series), seen, 130),), recording, window, mark)
 
 
 def answer_of(recording: RecordingFit, plant: Plant) -> tuple[str, str, Float[np.ndarray, " n"]]:
@@ -115,16 +110,15 @@ def answer_of(recording: RecordingFit, plant: Plant) -> tuple[str, str, Float[np
     return "position", plant.position_unit, recording.x
 
 
-def _finished(figure: canvas.Figure, recording: RecordingFit, window: slice, mark: slice | None) -> str:
+def _over_time(
+    panels: tuple[Panel, ...], recording: RecordingFit, window: slice, mark: slice | None
+) -> Chart:
     t = recording.t[window]
+    tinted = None
     if mark is not None and mark.stop - mark.start < t.size:
-        canvas.mark(figure.axes, float(recording.t[mark.start]), float(recording.t[mark.stop - 1]))
-    figure.axes[0].set_xlim(float(t[0]), float(t[-1]) if t.size > 1 else float(t[0]) + 1.0)
-    return canvas.png(figure)
-
-
-def _labelled(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit else name
+        tinted = float(recording.t[mark.start]), float(recording.t[mark.stop - 1])
+    ends = float(t[0]), float(t[-1]) if t.size > 1 else float(t[0]) + 1.0
+    return Chart("time", "s", panels, ends, tinted)
 
 
 def _span(y: Float[np.ndarray, " n"]) -> float:

@@ -1,60 +1,71 @@
-"""Small pieces of HTML: escaped text, tables, pictures, gauges. No physics here."""
+"""Small pieces of the page: tables, pairs of numbers, legends, gauges, and charts with their captions."""
 
 import math
-from collections.abc import Iterable, Sequence
-from html import escape
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from markupsafe import Markup
+
+from frictionjax.report.chart import Chart, svg
+from frictionjax.report.template import macro
+
+Cell = str | Markup
+"""Text, which is escaped, or HTML."""
 
 
-def text(value: object) -> str:
-    """Any value as escaped text."""
-    return escape(str(value), quote=True)
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, classes: Sequence[str] = ()) -> str:
-    """A table that scrolls sideways on a narrow screen; the first cell of a row is its heading.
+def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], *, classes: Sequence[str] = ()) -> Markup:
+    """A table; the first cell of a row is its heading. On a narrow screen each row is a small list.
 
     **Arguments:**
 
-    - `head`: column headings, HTML.
-    - `rows`: cells, HTML.
+    - `head`: column headings.
+    - `rows`: cells.
     - `classes`: CSS class of each row; none when empty.
-
-    **Returns:**
-
-    HTML.
     """
-    rows = list(rows)
-    classes = list(classes) or [""] * len(rows)
-    top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
-    body = "".join(
-        f'<tr class="{css}"><th scope="row">{row[0]}</th>'
-        + "".join(f"<td>{cell}</td>" for cell in row[1:])
-        + "</tr>"
-        for css, row in zip(classes, rows, strict=True)
-    )
-    return f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+    return macro("table", list(head), list(rows), list(classes))
 
 
-def picture(uri: str, caption: str) -> str:
-    """A figure with its caption, which is also what a screen reader says.
+def pair(before: str, after: str | None) -> Markup:
+    """A number of the base model and of the extended model: "before → after", each in its colour."""
+    return macro("pair", before, after)
+
+
+def legend(extended: bool, *extra: tuple[str, str], marks: bool = False) -> Markup:
+    """What the colours of a chart mean.
 
     **Arguments:**
 
-    - `uri`: `data:` URI of the image.
+    - `extended`: whether the extended model is drawn.
+    - `extra`: further `(css class, words)`, drawn as swatches in front.
+    - `marks`: whether the models are drawn as the dot and the square of a gauge, not as lines.
+    """
+    return macro("legend", extended, list(extra), marks)
+
+
+class Drawn(NamedTuple):
+    """A chart as `svg`, or None where it could not be drawn, and its `caption`, which says so then."""
+
+    svg: Markup | None
+    caption: str
+
+
+def figure(draw: Callable[[], Chart], caption: str) -> Markup:
+    """A chart with its caption, which is also what a screen reader says; or in its place why there is none: the rest of
+    the page does not depend on it.
+
+    **Arguments:**
+
+    - `draw`: makes the chart.
     - `caption`: plain text.
     """
-    return f'<figure><img src="{uri}" alt="{text(caption)}"><figcaption>{text(caption)}</figcaption></figure>'
+    try:
+        return macro("figure", Drawn(svg(draw(), caption), caption))
+    except Exception as error:
+        said = f"{caption}: this picture could not be drawn ({type(error).__name__}: {error})."
+        return macro("figure", Drawn(None, said))
 
 
-def pair(before: str, after: str | None) -> str:
-    """A number of the base model and of the extended model: "before → after", each in its colour."""
-    base = f'<span class="base">{before}</span>'
-    return (
-        base if after is None else f'{base} <span class="to">→</span> <span class="extended">{after}</span>'
-    )
-
-
-def gauge(base: float, extended: float | None, *, low: float, high: float, floor: float) -> str:
+def gauge(base: float, extended: float | None, *, low: float, high: float, floor: float) -> Markup:
     """A logarithmic scale with a tick at the noise floor, a dot for the base and a square for the extended model.
 
     **Arguments:**
@@ -68,41 +79,9 @@ def gauge(base: float, extended: float | None, *, low: float, high: float, floor
     """
     span = math.log(high / low)
 
-    def at(value: float) -> float:
-        return 100 * min(max(math.log(max(value, low) / low) / span, 0.0), 1.0)
+    def at(value: float | None) -> str | None:
+        if value is None or not math.isfinite(value) or value <= 0:
+            return None
+        return f"{100 * min(max(math.log(max(value, low) / low) / span, 0.0), 1.0):.2f}"
 
-    marks = ['<line class="rail" x1="0%" x2="100%" y1="9" y2="9"/>']
-    if _drawable(floor):
-        marks.append(f'<line class="floor" x1="{at(floor):.2f}%" x2="{at(floor):.2f}%" y1="2" y2="16"/>')
-    if _drawable(base) and extended is not None and _drawable(extended):
-        marks.append(f'<line class="way" x1="{at(extended):.2f}%" x2="{at(base):.2f}%" y1="9" y2="9"/>')
-    if _drawable(base):
-        marks.append(f'<circle class="base" cx="{at(base):.2f}%" cy="9" r="5"/>')
-    if extended is not None and _drawable(extended):
-        # A nested svg, because only its x takes a percentage.
-        square = '<rect class="extended" x="-4.5" y="-4.5" width="9" height="9"/>'
-        marks.append(f'<svg class="mark" x="{at(extended):.2f}%" y="9">{square}</svg>')
-    return f'<svg class="gauge" height="18" aria-hidden="true">{"".join(marks)}</svg>'
-
-
-def legend(extended: bool, *extra: tuple[str, str], marks: bool = False) -> str:
-    """What the colours of a figure mean.
-
-    **Arguments:**
-
-    - `extended`: whether the extended model is drawn.
-    - `extra`: further `(css class, words)`, drawn as swatches in front.
-    - `marks`: whether the models are drawn as the dot and the square of a gauge, not as lines.
-    """
-    shape = " mark" if marks else ""
-    items = [*extra, (f"base{shape}", "base model")]
-    if extended:
-        items.append((f"extended{shape}", "extended model"))
-    swatches = "".join(
-        f'<span class="key"><i class="swatch {css}"></i>{text(words)}</span>' for css, words in items
-    )
-    return f'<p class="legend">{swatches}</p>'
-
-
-def _drawable(value: float) -> bool:
-    return math.isfinite(value) and value > 0
+    return macro("gauge", {"base": at(base), "extended": at(extended), "floor": at(floor)})

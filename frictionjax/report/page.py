@@ -4,32 +4,11 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
-from frictionjax.diagnosis.verdict import Diagnosis
-from frictionjax.report.canvas import drawing
-from frictionjax.report.html import text
-from frictionjax.report.sections import SECTIONS
+from markupsafe import Markup
 
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="description" content="{summary}">
-<title>{case} – frictionjax</title>
-<style>
-{css}</style>
-</head>
-<body>
-<main>
-{header}
-{contents}
-{sections}
-</main>
-<footer>frictionjax {version}</footer>
-</body>
-</html>
-"""
+from frictionjax.diagnosis.verdict import Diagnosis
+from frictionjax.report.sections import SECTIONS
+from frictionjax.report.template import fill
 
 
 def write_report(diagnosis: Diagnosis, directory: Path) -> None:
@@ -45,7 +24,7 @@ def write_report(diagnosis: Diagnosis, directory: Path) -> None:
 
 
 def render(diagnosis: Diagnosis) -> str:
-    """The report as one HTML page with its styles and figures inside.
+    """The report as one HTML page with its styles, script and charts inside.
 
     **Arguments:**
 
@@ -53,24 +32,28 @@ def render(diagnosis: Diagnosis) -> str:
 
     **Returns:**
 
-    HTML that opens with the summary sentence.
+    HTML that opens with what is missing, how much better the model is with it, and what to do next.
     """
-    with drawing():
-        bodies = [(section.title, section.body(diagnosis)) for section in SECTIONS]
-    header = "".join(f"<header>{body}</header>" for title, body in bodies if not title)
-    titled = [(title, body) for title, body in bodies if title and body]
-    entries = "".join(f'<a href="#{_anchor(title)}">{text(title)}</a>' for title, _ in titled)
-    return _PAGE.format(
-        summary=text(diagnosis.summary),
-        case=text(diagnosis.case),
-        css=files("frictionjax.report").joinpath("page.css").read_text(encoding="utf-8"),
-        header=header,
-        contents=f'<nav aria-label="Contents">{entries}</nav>',
-        sections="\n".join(
-            f'<section id="{_anchor(title)}"><h2>{text(title)}</h2>{body}</section>' for title, body in titled
-        ),
+    bodies = [(section.title, section.body(diagnosis)) for section in SECTIONS]
+    page = fill(
+        "page.html.j2",
+        summary=diagnosis.summary,
+        case=diagnosis.case,
+        css=_own("page.css"),
+        script=_own("page.js"),
+        header=Markup("").join(body for title, body in bodies if not title),
+        sections=[
+            {"title": title, "body": body, "anchor": _anchor(title)}
+            for title, body in bodies
+            if title and body
+        ],
         version=version("frictionjax"),
     )
+    return str(page)
+
+
+def _own(name: str) -> Markup:
+    return Markup(files("frictionjax.report").joinpath(name).read_text(encoding="utf-8"))
 
 
 def _anchor(title: str) -> str:

@@ -281,13 +281,17 @@ def test_an_unmeasured_force_is_not_called_noise():
 
 def test_the_named_effect_its_place_and_the_held_out_error_are_reported():
     fits = (fake_recording("a", role="fit", n=400), fake_recording("kept", n=400))
-    found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits)
+    units = {"unit": "N*m", "position_unit": "rad"}
+    found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", fits, **units)
     base, extended = fits[1].prediction_rmse_base, fits[1].prediction_rmse_extended
     assert found == (
         "Missing from the base model: a pure delay between input and force. The mismatch is in: stick (80 %). "
         "On the held-out recording kept the prediction error 0.1 s ahead falls from "
-        f"{base:.3g} to {extended:.3g} (noise 1.1e-07)."
+        f"{base:.3g} to {extended:.3g} rad (noise 1.1e-07)."
     )
+    imposed = (fake_recording("kept", n=400, drive="motion"),)
+    found = summary_sentence("named", (_missing_effect(),), NOTHING, "stick (80 %)", imposed, **units)
+    assert " N*m (noise 1.1e-07)." in found
 
 
 def test_what_cannot_be_distinguished_is_reported_too():

@@ -75,7 +75,7 @@ SOUND = {
     "simulation/adaptive.py": "import diffrax\nfrom frictionjax.physics import LuGre\n",
     "estimation/descent/levenberg_marquardt.py": "import optimistix as optx\n"
     "from frictionjax.simulation import adaptive\n",
-    "report/figures.py": "import matplotlib.pyplot as plt\n",
+    "report/canvas.py": "import matplotlib.pyplot as plt\n",
     "paper/figures/sheet.py": "import matplotlib.pyplot as plt\n",
     "demo/plant.py": "from frictionjax.core import InputError\n",
     "diagnosis/intake/checks.py": "from frictionjax.diagnosis.evidence.model import Model\n",

@@ -35,7 +35,14 @@ EXPECTED = sorted(
         *("Ranking", "rank_experiments", "Discrimination", "rank_for_discrimination"),
         *("DesignedMultisine", "optimise_multisine"),
         *("load_fit", "save_fit", "save_diagnosis", "load_diagnosis", "plot", "MujocoJoint", "mujoco_joint"),
-        *("JointModel", "bam_parameters", "isaac_lab_actuator", "urdf_dynamics"),
+        *(
+            "KnownJoint",
+            "read_mujoco_joint",
+            "JointModel",
+            "bam_parameters",
+            "isaac_lab_actuator",
+            "urdf_dynamics",
+        ),
         *("FrictionjaxWarning", "InputError", "PrecisionError", "warm"),
     }
 )

@@ -310,6 +310,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
+    "read_mujoco_joint": ("text", lambda _: api.read_mujoco_joint(api.mujoco_joint(PLANT).mjcf(), "joint")),
     "bam_parameters": (
         "a few numbers",
         lambda folder: api.bam_parameters(PLANT, actuator="motor", resistance=1e-5),

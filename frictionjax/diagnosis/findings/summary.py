@@ -14,6 +14,7 @@ def summary_sentence(
     unit: str = "",
     ceiling: Ceiling | None = None,
     *,
+    position_unit: str = "",
     rule: Rule = Rule(),
 ) -> str:
     """The sentence that opens the report.
@@ -27,6 +28,7 @@ def summary_sentence(
     - `fits`: the recordings, for the held-out errors.
     - `unmeasured`: the force that the model needs beside it, in the force `unit`.
     - `ceiling`: what a free force would explain beside the last model.
+    - `position_unit`: of the errors; those of an imposed motion are in the force `unit`.
     - `rule`: from where that force is stated.
     """
     if verdict == "adequate":
@@ -38,7 +40,7 @@ def summary_sentence(
                 f"{100 * unmeasured.of_applied:.2g} % of the applied force), and nothing here explains that."
             )
         return "Nothing significant is missing: the base model explains the recordings to the noise."
-    held_out = _held_out(fits)
+    held_out = _held_out(fits, unit, position_unit)
     if not missing:
         text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
         text = f"{text} {_free(ceiling, unit)}".strip()
@@ -81,17 +83,19 @@ def _named(effect: MissingEffect) -> str:
     return text
 
 
-def _held_out(fits: tuple[RecordingFit, ...]) -> str:
+def _held_out(fits: tuple[RecordingFit, ...], force_unit: str, position_unit: str) -> str:
     held_out = [fit for fit in fits if fit.role == "holdout"]
     if not held_out:
         return ""
     best = max(held_out, key=lambda f: f.prediction_rmse_base / max(f.prediction_rmse_extended, 1e-300))
+    unit = force_unit if best.drive == "motion" else position_unit
     verb = (
         "falls" if best.prediction_rmse_extended < best.prediction_rmse_base else "does not fall: it changes"
     )
     return (
         f"On the held-out recording {best.name} the prediction error 0.1 s ahead {verb} from "
-        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} (noise {best.noise_floor:.2g})"
+        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} {unit}".rstrip()
+        + f" (noise {best.noise_floor:.2g})"
         + (
             "."
             if best.prediction_rmse_given is None

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import LOAD_DRAG, About, AbstractLoadEffect, LoadSide
+from frictionjax.physics.effects.base import LOAD_DRAG, About, AbstractLoadEffect, Along, LoadSide
 
 
 class Backlash(AbstractLoadEffect):
@@ -30,6 +30,7 @@ class Backlash(AbstractLoadEffect):
     drag: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     chaotic: ClassVar[bool] = True
+    along: ClassVar[Along] = "since_reversal"
     name: ClassVar[str] = "backlash"
     about: ClassVar[About] = About(
         sentence="a second inertia behind a gap (backlash)",

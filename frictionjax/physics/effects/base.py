@@ -6,7 +6,7 @@ state that continues from sample to sample (`AbstractStateEffect`), and the fric
 
 import dataclasses
 from abc import abstractmethod
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +17,9 @@ from frictionjax.core.display import one_line
 from frictionjax.core.safe import real
 from frictionjax.physics.lugre import LuGre
 from frictionjax.physics.push import Push
+
+Along = Literal["velocity", "position", "since_reversal", "dwell", "input", "input_rate", "time", "frequency"]
+"""What the force that a model without an effect lacks is drawn over, so that the effect shows."""
 
 
 class About(eqx.Module):
@@ -74,8 +77,12 @@ class Before(eqx.Module):
 
 
 class AbstractEffect(eqx.Module):
-    """One missing effect. `catalogue` finds the final subclasses; several forms may share a `name`."""
+    """One missing effect. `catalogue` finds the final subclasses; several forms may share a `name`.
 
+    A slot, or an effect that differs from its slot, says `along` what the missing force shows it.
+    """
+
+    along: ClassVar[Along] = "velocity"
     name: eqx.AbstractClassVar[str]
     about: eqx.AbstractClassVar[About]
     strengths: eqx.AbstractClassVar[tuple[Parameter, ...]]
@@ -94,6 +101,8 @@ class AbstractEffect(eqx.Module):
 class AbstractInputEffect(AbstractEffect):
     """Slot: the path from the input to the force. Acts on the whole input sequence, before the plant."""
 
+    along: ClassVar[Along] = "input"
+
     @abstractmethod
     def apply(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
         """Input `u` (shape (n,), held for `dt` s) as it acts on the plant: held, or a `Push` of input units where it
@@ -102,6 +111,8 @@ class AbstractInputEffect(AbstractEffect):
 
 class AbstractSensorEffect(AbstractEffect):
     """Slot: the path from the position to the measurement."""
+
+    along: ClassVar[Along] = "frequency"
 
     @abstractmethod
     def measured(
@@ -130,6 +141,8 @@ class AbstractLevelEffect(AbstractEffect):
 class AbstractSpringEffect(AbstractEffect):
     """Slot: the force of LuGre's bristle, which need not be proportional to its deflection."""
 
+    along: ClassVar[Along] = "since_reversal"
+
     @abstractmethod
     def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
         """The force that replaces `force` (sigma0 z at first) at deflection `z` (position units), odd in `z`;
@@ -141,6 +154,8 @@ class AbstractSpringEffect(AbstractEffect):
 
 class AbstractSlipEffect(AbstractEffect):
     """Slot: how LuGre's bristle slips, dz/dt = v - |v| slip."""
+
+    along: ClassVar[Along] = "since_reversal"
 
     steep: ClassVar[bool] = True
     """Whether the slip may rise more steeply with the bend than LuGre's: long steps then need more care."""
@@ -179,6 +194,8 @@ class AbstractStateEffect(AbstractEffect):
 class AbstractCreepEffect(AbstractStateEffect):
     """Slot: states in series with the bristles, which changes the velocity of the bristles."""
 
+    along: ClassVar[Along] = "since_reversal"
+
     @abstractmethod
     def bristle_speed(self, friction: LuGre, now: Now) -> Float[Array, ""]:
         """Velocity of the machine minus that of the bristles, position/s, for what is `now`; `friction` gives
@@ -192,6 +209,8 @@ class AbstractCreepEffect(AbstractStateEffect):
 
 class AbstractBristleEffect(AbstractEffect):
     """Slot: the bristles themselves. Gives a bank of elements in place of the single bristle."""
+
+    along: ClassVar[Along] = "since_reversal"
 
     count: eqx.AbstractClassVar[int]
 
@@ -237,6 +256,8 @@ LOAD_DRAG = Parameter(
 class AbstractLoadEffect(AbstractEffect):
     """Slot: an inertia of its own behind the motor's, of which it has the part `ratio` of the whole. A drive has one
     at most. `chaotic`: whether its contacts make the motion chaotic, and its derivatives useless."""
+
+    along: ClassVar[Along] = "frequency"
 
     chaotic: ClassVar[bool] = False
     strengths: ClassVar[tuple[Parameter, ...]] = (

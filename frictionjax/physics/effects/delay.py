@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractInputEffect
+from frictionjax.physics.effects.base import About, AbstractInputEffect, Along
 from frictionjax.physics.push import Push
 
 
@@ -26,6 +26,7 @@ class Delay(AbstractInputEffect):
 
     delay: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
+    along: ClassVar[Along] = "input_rate"
     name: ClassVar[str] = "delay"
     about: ClassVar[About] = About(
         sentence="a pure delay between input and force",

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractInputEffect
+from frictionjax.physics.effects.base import About, AbstractInputEffect, Along
 from frictionjax.physics.push import Push
 
 
@@ -25,6 +25,7 @@ class DriveLag(AbstractInputEffect):
 
     time_constant: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
+    along: ClassVar[Along] = "input_rate"
     name: ClassVar[str] = "drive_lag"
     about: ClassVar[About] = About(
         sentence="a first-order lag of the drive",

@@ -8,7 +8,14 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLevelEffect, AbstractStateEffect, Before, Now
+from frictionjax.physics.effects.base import (
+    About,
+    AbstractLevelEffect,
+    AbstractStateEffect,
+    Along,
+    Before,
+    Now,
+)
 from frictionjax.physics.lugre import LuGre
 
 _CONFUSED = ("stribeck_shape", "nonlinear_bristle", "creep")
@@ -37,6 +44,7 @@ class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
     length: Float[Array, "..."] = eqx.field(converter=real, default=1e-5)
 
     states: ClassVar[int] = 1
+    along: ClassVar[Along] = "dwell"
     name: ClassVar[str] = "dwell_strengthening"
     about: ClassVar[About] = About(
         sentence="static friction that grows with the logarithm of time at rest",
@@ -95,6 +103,7 @@ class SaturatingStrengthening(AbstractStateEffect, AbstractLevelEffect):
     time: Float[Array, "..."] = eqx.field(converter=real, default=0.3)
 
     states: ClassVar[int] = 1
+    along: ClassVar[Along] = "dwell"
     name: ClassVar[str] = "dwell_strengthening"
     about: ClassVar[About] = About(
         sentence="static friction that grows with time at rest up to a limit",

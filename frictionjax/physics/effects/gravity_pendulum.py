@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Along, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -23,6 +23,7 @@ class GravityPendulum(AbstractForceEffect):
     sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
+    along: ClassVar[Along] = "position"
     name: ClassVar[str] = "gravity_pendulum"
     about: ClassVar[About] = About(
         sentence="unbalance: the torque of gravity on an eccentric mass",

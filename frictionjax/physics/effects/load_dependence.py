@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
+from frictionjax.physics.effects.base import About, AbstractLevelEffect, Along, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -22,6 +22,7 @@ class LoadDependence(AbstractLevelEffect):
 
     growth: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
+    along: ClassVar[Along] = "input"
     name: ClassVar[str] = "load_dependence"
     about: ClassVar[About] = About(
         sentence="friction that grows with transmitted force",

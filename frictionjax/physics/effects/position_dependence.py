@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractLevelEffect, Now
+from frictionjax.physics.effects.base import About, AbstractLevelEffect, Along, Now
 from frictionjax.physics.lugre import LuGre
 from frictionjax.physics.waves import AbstractWave, wave_strengths
 
@@ -35,6 +35,7 @@ class PositionDependence(AbstractLevelEffect):
     center: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     half_stroke: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
+    along: ClassVar[Along] = "position"
     name: ClassVar[str] = "position_dependence"
     about: ClassVar[About] = _ABOUT
     strengths: ClassVar[tuple[Parameter, ...]] = (

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
+from frictionjax.physics.effects.base import About, AbstractForceEffect, Along, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -21,6 +21,7 @@ class ReturnSpring(AbstractForceEffect):
 
     stiffness: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
+    along: ClassVar[Along] = "position"
     name: ClassVar[str] = "return_spring"
     about: ClassVar[About] = About(
         sentence="a force proportional to position (return spring, cable)",

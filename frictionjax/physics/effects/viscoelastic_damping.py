@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
 from frictionjax.core.safe import real
-from frictionjax.physics.effects.base import About, AbstractForceEffect, AbstractStateEffect, Now
+from frictionjax.physics.effects.base import About, AbstractForceEffect, AbstractStateEffect, Along, Now
 from frictionjax.physics.lugre import LuGre
 
 
@@ -28,6 +28,7 @@ class ViscoelasticDamping(AbstractStateEffect, AbstractForceEffect):
     shortest: Float[Array, "..."] = eqx.field(converter=real, default=0.003)
 
     states: ClassVar[int] = 3
+    along: ClassVar[Along] = "since_reversal"
     name: ClassVar[str] = "viscoelastic_damping"
     about: ClassVar[About] = About(
         sentence="viscoelastic loss that hardly depends on frequency (seal, rubber)",

@@ -13,6 +13,7 @@ from frictionjax.physics.effects.base import (
     AbstractForceEffect,
     AbstractLevelEffect,
     AbstractStateEffect,
+    Along,
     Before,
     Now,
 )
@@ -49,6 +50,7 @@ class WarmupByTime(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
     time_constant: Float[Array, "..."] = eqx.field(converter=real, default=60.0)
 
     states: ClassVar[int] = 1
+    along: ClassVar[Along] = "time"
     name: ClassVar[str] = "warmup"
     about: ClassVar[About] = About(
         sentence="friction that falls with running time (warm-up)",
@@ -103,6 +105,7 @@ class WarmupByHeat(AbstractStateEffect, AbstractLevelEffect, AbstractForceEffect
     distance: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
     states: ClassVar[int] = 1
+    along: ClassVar[Along] = "time"
     name: ClassVar[str] = "warmup"
     about: ClassVar[About] = About(
         sentence="friction that falls with the heat of motion (warm-up)",

@@ -13,6 +13,7 @@ from frictionjax.physics.effects.base import (
     About,
     AbstractLevelEffect,
     AbstractStateEffect,
+    Along,
     Before,
     Now,
 )
@@ -35,6 +36,7 @@ class WarmupByTemperature(AbstractStateEffect, AbstractLevelEffect):
     fall: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
 
     states: ClassVar[int] = 2 + TEMPERATURES
+    along: ClassVar[Along] = "time"
     name: ClassVar[str] = "warmup"
     about: ClassVar[About] = About(
         sentence="friction that falls with the measured temperature (warm-up)",

@@ -1,8 +1,10 @@
-"""The sections of the report, in the order of the page."""
+"""The sections of the report, in the order of the page: sentences, pictures, tables, words."""
 
 from frictionjax.report.sections.base import AbstractSection as AbstractSection
 from frictionjax.report.sections.candidates import Candidates
-from frictionjax.report.sections.comparison import Comparison
+from frictionjax.report.sections.comparison import Comparison, Errors
+from frictionjax.report.sections.friction import Friction
+from frictionjax.report.sections.glossary import Glossary
 from frictionjax.report.sections.headline import Headline
 from frictionjax.report.sections.mismatch import Mismatch
 from frictionjax.report.sections.missing import Missing
@@ -13,10 +15,13 @@ from frictionjax.report.sections.residual import Residual
 SECTIONS: tuple[AbstractSection, ...] = (
     Headline(),
     Missing(),
-    Mismatch(),
+    Friction(),
     Comparison(),
     Residual(),
-    Candidates(),
+    Mismatch(),
+    Errors(),
     Parameters(),
+    Candidates(),
     Record(),
+    Glossary(),
 )

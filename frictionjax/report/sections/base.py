@@ -3,6 +3,7 @@
 import abc
 
 import equinox as eqx
+from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis
 
@@ -18,8 +19,8 @@ class AbstractSection(eqx.Module):
     title: eqx.AbstractClassVar[str]
 
     @abc.abstractmethod
-    def body(self, diagnosis: Diagnosis) -> str:
-        """The section's content as HTML, without the heading; empty when there is nothing to say.
+    def body(self, diagnosis: Diagnosis) -> Markup:
+        """The section's content, without the heading; empty when there is nothing to say.
 
         **Arguments:**
 

@@ -3,17 +3,21 @@
 import math
 from typing import ClassVar
 
+from markupsafe import Markup
+
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis
-from frictionjax.physics.effects.catalogue import catalogue
+from frictionjax.physics.effects import catalogue
 from frictionjax.report.format import DASH, p_value, percent, quantity, words
-from frictionjax.report.html import table, text
+from frictionjax.report.html import Cell, table
 from frictionjax.report.sections.base import AbstractSection
+from frictionjax.report.template import fill
 
 _INTRO = (
     "<b>p</b>: p-value of the model without the effect; for a named effect, with the effects named before it. "
     "<b>One step</b>: size of the effect before any refit. <b>Gain</b>: share of the mismatch that a refit with the "
     "effect explains. <b>Detectable</b>: the smallest size that these recordings would show."
 )
+_HEAD = ("effect", "p", "one step", "gain on fit", "gain held out", "detectable", "outcome")
 
 
 class Candidates(AbstractSection):
@@ -21,17 +25,16 @@ class Candidates(AbstractSection):
 
     title: ClassVar[str] = "Candidates"
 
-    def body(self, diagnosis: Diagnosis) -> str:
+    def body(self, diagnosis: Diagnosis) -> Markup:
         candidates = sorted(diagnosis.candidates, key=_order)
         if not candidates:
-            return ""
+            return Markup("")
         named = {found.effect for found in diagnosis.missing}
         alike = {name for found in diagnosis.missing for name in found.effect_class} - named
         meanings = {name: forms[0].about.sentence for name, forms in catalogue().items()}
-        head = ("effect", "p", "one step", "gain on fit", "gain held out", "detectable", "outcome")
         rows = [_row(candidate, meanings.get(candidate.effect, ""), named, alike) for candidate in candidates]
         classes = ["named" if c.effect in named else "" if c.tested else "untested" for c in candidates]
-        return f"<p>{_INTRO}</p>{table(head, rows, classes=classes)}"
+        return fill("prose.html.j2", sentences=[Markup(_INTRO)], below=table(_HEAD, rows, classes=classes))
 
 
 def _order(candidate: Candidate) -> tuple[bool, float, str]:
@@ -39,28 +42,27 @@ def _order(candidate: Candidate) -> tuple[bool, float, str]:
     return not candidate.tested, p, candidate.effect
 
 
-def _row(candidate: Candidate, meaning: str, named: set[str], alike: set[str]) -> tuple[str, ...]:
+def _row(candidate: Candidate, meaning: str, named: set[str], alike: set[str]) -> tuple[Cell, ...]:
     tag = ""
     if candidate.effect in named:
-        tag = ' <span class="tag">named</span>'
+        tag = "named"
     elif candidate.effect in alike:
-        tag = ' <span class="tag">same class</span>'
+        tag = "same class"
     if not candidate.tested:
-        tag = ' <span class="tag">not tested</span>'
-    small = f"<small>{text(meaning)}</small>" if meaning else ""
+        tag = "not tested"
+    mark = Markup(' <span class="tag">{}</span>').format(tag) if tag else ""
+    small = Markup("<small>{}</small>").format(meaning) if meaning else ""
     return (
-        f"{text(words(candidate.effect))}{tag}{small}",
-        text(p_value(candidate.p_value)),
+        Markup("{}{}{}").format(words(candidate.effect), mark, small),
+        p_value(candidate.p_value),
         _sizes(candidate.one_step, candidate.units),
         percent(candidate.gain_fit),
         percent(candidate.gain_holdout),
         _sizes(candidate.minimum_detectable, candidate.units),
-        text(candidate.reason),
+        candidate.reason,
     )
 
 
-def _sizes(sizes: dict[str, float], units: dict[str, str]) -> str:
-    lines = [
-        f"{text(words(name))} {text(quantity(size, units.get(name, '1')))}" for name, size in sizes.items()
-    ]
-    return "<br>".join(lines) or DASH
+def _sizes(sizes: dict[str, float], units: dict[str, str]) -> Cell:
+    lines = [f"{words(name)} {quantity(size, units.get(name, '1'))}" for name, size in sizes.items()]
+    return Markup("<br>").join(lines) or DASH

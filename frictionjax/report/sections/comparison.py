@@ -2,18 +2,22 @@
 
 from typing import ClassVar
 
+from markupsafe import Markup
+
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.recordings import Plant
 from frictionjax.report import figures
 from frictionjax.report.format import quantities, quantity
-from frictionjax.report.html import legend, pair, table, text
+from frictionjax.report.html import Cell, legend, pair, table
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.sections.panels import panels
 from frictionjax.report.series import holdout_first, is_extended
+from frictionjax.report.template import fill
 
 _INTRO = (
-    "Solid: predicted 0.1 s ahead from the samples measured until then. Dashed: free run from the first sample and "
-    "the input. Shaded: twice the noise floor. Tinted, and shown in the close-up: where "
+    "Above, solid: predicted 0.1 s ahead from the samples measured until then; dashed: free run from the first sample "
+    "and the input. In the middle: the error of the prediction, with twice the noise floor shaded. Tinted, and shown "
+    "in the close-up: where "
 )
 _IN_PART = (
     "The extended model has the named effects only: its remaining error is physics that is not modelled"
@@ -21,40 +25,55 @@ _IN_PART = (
 
 
 class Comparison(AbstractSection):
-    """A table of errors, then for each recording the whole of it and a close-up."""
+    """For each recording the whole of it and a close-up."""
 
     title: ClassVar[str] = "Measured and modelled"
 
-    def body(self, diagnosis: Diagnosis) -> str:
+    def body(self, diagnosis: Diagnosis) -> Markup:
         recordings = holdout_first(diagnosis.recordings)
         if not recordings:
-            return ""
+            return Markup("")
         extended = is_extended(diagnosis)
-        rows = [_row(recording, diagnosis.plant, extended) for recording in recordings]
-        head = ("recording", "role", "noise floor", "prediction error", "free-run error")
-        if any(recording.prediction_rmse_given is not None for recording in recordings):
-            head += ("your model as given: prediction error", "free-run error")
-        pictures = panels(recordings, diagnosis.plant, extended, figures.comparison)
+        groups, notes = panels(recordings, diagnosis.plant, extended, figures.comparison)
         closer = "the extension improves the fit most" if extended else "the model fits worst"
         if extended and diagnosis.verdict == "unknown":
             closer += ". " + _IN_PART
-        key = legend(extended, ("measured", "measured"))
-        return f"{table(head, rows)}<p>{_INTRO}{closer}.</p>{key}{pictures}"
+        key = legend(extended, ("measured", "measured"), ("band", "± 2 noise floors"))
+        return fill("charts.html.j2", intro=[f"{_INTRO}{closer}."], legend=key, groups=groups, notes=notes)
 
 
-def _row(recording: RecordingFit, plant: Plant, extended: bool) -> tuple[str, ...]:
+class Errors(AbstractSection):
+    """A table of the errors on each recording."""
+
+    title: ClassVar[str] = "Errors"
+
+    def body(self, diagnosis: Diagnosis) -> Markup:
+        recordings = holdout_first(diagnosis.recordings)
+        if not recordings:
+            return Markup("")
+        extended = is_extended(diagnosis)
+        head = ["recording", "role", "noise floor", "prediction error", "free-run error"]
+        if any(recording.prediction_rmse_given is not None for recording in recordings):
+            head += ["your model as given: prediction error", "your model as given: free-run error"]
+        rows = [_row(recording, diagnosis.plant, extended, len(head)) for recording in recordings]
+        said = "Root mean square: of predicting 0.1 s ahead, and of a free run from the first sample."
+        return fill("prose.html.j2", sentences=[said], below=table(head, rows))
+
+
+def _row(recording: RecordingFit, plant: Plant, extended: bool, length: int) -> list[Cell]:
     _, unit, _ = figures.answer_of(recording, plant)
 
-    def change(before: float, after: float) -> str:
-        base, now = map(text, quantities([before, after], unit))
+    def change(before: float, after: float) -> Markup:
+        base, now = quantities([before, after], unit)
         return pair(base, now if extended else None)
 
-    given = (recording.prediction_rmse_given, recording.free_run_rmse_given)
-    return (
-        text(recording.name),
+    row: list[Cell] = [
+        recording.name,
         "held out" if recording.role == "holdout" else "fit",
-        text(quantity(recording.noise_floor, unit)),
+        quantity(recording.noise_floor, unit),
         change(recording.prediction_rmse_base, recording.prediction_rmse_extended),
         change(recording.free_run_rmse_base, recording.free_run_rmse_extended),
-        *(text(quantity(error, unit)) for error in given if error is not None),
-    )
+    ]
+    for error in (recording.prediction_rmse_given, recording.free_run_rmse_given)[: length - len(row)]:
+        row.append("–" if error is None else quantity(error, unit))
+    return row

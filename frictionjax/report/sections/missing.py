@@ -1,11 +1,15 @@
 """The missing physics: one card for each named effect, and what stays unexplained."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
+
+from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis, MissingEffect
 from frictionjax.report.format import estimate_text, p_equals, percent, unit_text, words
-from frictionjax.report.html import text
+from frictionjax.report.meanings import form_of, meaning_of, with_amplitudes
 from frictionjax.report.sections.base import AbstractSection
+from frictionjax.report.sentences import remainder
+from frictionjax.report.template import fill
 
 _SEVERAL = (
     "Effects are added to the model one at a time: the p-value of each is that of the model without it, with the "
@@ -19,29 +23,23 @@ class Missing(AbstractSection):
 
     title: ClassVar[str] = "What is missing"
 
-    def body(self, diagnosis: Diagnosis) -> str:
-        missing = diagnosis.missing
-        cards = "".join(_card(found) for found in missing)
-        unexplained = diagnosis.unexplained
-        if unexplained.present:
-            where = f" ({unexplained.where})" if unexplained.where else ""
-            cards += (
-                '<div class="card"><p class="name">Unexplained</p><p>No effect of the catalogue explains '
-                f"{text(percent(unexplained.share))} of the mismatch{text(where)}.</p></div>"
-            )
+    def body(self, diagnosis: Diagnosis) -> Markup:
+        missing, rest = diagnosis.missing, remainder(diagnosis)
+        if not missing and not rest:
+            return Markup("")
         # The place is that of the base model's whole mismatch, so it is the same for every effect.
         places = dict.fromkeys(found.where for found in missing if found.where)
-        above = [f"Where the base model fails: {place}." for place in places]
-        above += [_SEVERAL] if len(missing) > 1 else []
-        intro = "".join(f"<p>{text(sentence)}</p>" for sentence in above)
-        return f'{intro}<div class="cards wide">{cards}</div>' if cards else ""
+        intro = [f"Where the base model fails: {place}." for place in places]
+        intro += [_SEVERAL] if len(missing) > 1 else []
+        return fill("missing.html.j2", intro=intro, cards=[_card(found) for found in missing], remainder=rest)
 
 
-def _card(found: MissingEffect) -> str:
-    facts = [
-        (words(name), f"{estimate_text(size)} {unit_text(size.unit)}".strip())
-        for name, size in found.parameters.items()
-    ]
+def _card(found: MissingEffect) -> dict[str, Any]:
+    facts = []
+    for name, size in with_amplitudes(found.parameters).items():
+        value = f"{estimate_text(size)} {unit_text(size.unit)}".strip()
+        meaning = meaning_of(f"{found.effect}.{name}")
+        facts.append((words(name), f"{value} ({meaning})" if meaning else value))
     facts.append(
         ("confidence", f"{percent(found.confidence)} ({p_equals(found.p_value)} for the model without it)")
     )
@@ -50,7 +48,14 @@ def _card(found: MissingEffect) -> str:
         facts.append(("cannot be distinguished from", ", ".join(others)))
     if found.split_by:
         facts.append(("experiment that would distinguish them", found.split_by))
-    rows = "".join(f"<dt>{text(name)}</dt><dd>{text(value)}</dd>" for name, value in facts)
-    sentence = f"<p>{text(found.sentence)}</p>" if found.sentence else ""
-    name = text(words(found.effect).capitalize())
-    return f'<div class="card"><p class="name">{name}</p>{sentence}<dl>{rows}</dl></div>'
+    if found.next_experiment is not None:
+        facts.append(("how long it must last", found.next_experiment.sentence))
+    form = form_of(found)
+    if form is not None:
+        facts.append(("shows in", form.about.shows))
+    return {
+        "name": words(found.effect).capitalize(),
+        "sentence": found.sentence,
+        "facts": facts,
+        "equation": form.about.equation if form else "",
+    }

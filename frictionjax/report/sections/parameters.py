@@ -1,51 +1,55 @@
-"""The parameters of both models with their standard errors."""
+"""The parameters of both models with their meanings and standard errors."""
 
 import math
 from typing import ClassVar
 
+from markupsafe import Markup
+
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.report.format import DASH, estimate_text, number, percent, unit_text, words
-from frictionjax.report.html import table, text
+from frictionjax.report.html import Cell, table
+from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.series import is_extended
+from frictionjax.report.template import fill
 
 
 class Parameters(AbstractSection):
-    """One row for each parameter: base value, extended value, and the bias of the base value by the missing physics."""
+    """One row for each parameter: meaning, base value, extended value, and the bias of the base value by the missing
+    physics; a wave by its amplitude and phase."""
 
     title: ClassVar[str] = "Parameters"
 
-    def body(self, diagnosis: Diagnosis) -> str:
+    def body(self, diagnosis: Diagnosis) -> Markup:
         if not diagnosis.base and not diagnosis.extended:
-            return ""
+            return Markup("")
         extended = is_extended(diagnosis) or diagnosis.extended != diagnosis.base
-        names = [*diagnosis.base, *(name for name in diagnosis.extended if name not in diagnosis.base)]
-        rows = [
-            _row(name, diagnosis.base.get(name), diagnosis.extended.get(name), extended) for name in names
-        ]
+        before, after = with_amplitudes(diagnosis.base), with_amplitudes(diagnosis.extended)
+        names = [*before, *(name for name in after if name not in before)]
+        rows = [_row(name, before.get(name), after.get(name), extended) for name in names]
         head = ["parameter", "unit", "base model"]
         if extended:
             head += ["extended model", "change"]
-        note = (
-            "" if not extended else "; the change is in per cent of the extended value and in standard errors"
-        )
-        return f"<p>Value ± standard error{note}.</p>{table(head, rows)}"
+        note = "; the change is in per cent of the extended value and in standard errors" if extended else ""
+        return fill("prose.html.j2", sentences=[f"Value ± standard error{note}."], below=table(head, rows))
 
 
-def _row(name: str, base: Estimate | None, after: Estimate | None, extended: bool) -> list[str]:
+def _row(name: str, base: Estimate | None, after: Estimate | None, extended: bool) -> list[Cell]:
     known = base or after
     unit = unit_text(known.unit) if known else ""
-    row = [f"<var>{text(words(name))}</var>", text(unit or "1"), _value(base)]
+    meaning = meaning_of(name)
+    small = Markup("<small>{}</small>").format(meaning) if meaning else ""
+    row: list[Cell] = [Markup("<var>{}</var>{}").format(words(name), small), unit or "1", _value(base)]
     return [*row, _value(after), _change(base, after)] if extended else row
 
 
-def _value(estimate: Estimate | None) -> str:
+def _value(estimate: Estimate | None) -> Cell:
     if estimate is None:
         return DASH
     if not estimate.identified or not math.isfinite(estimate.stderr):
-        return f"{number(estimate.value)} <em>not determined by these recordings</em>"
-    return text(estimate_text(estimate))
+        return Markup("{} <em>not determined by these recordings</em>").format(number(estimate.value))
+    return estimate_text(estimate)
 
 
 def _change(base: Estimate | None, after: Estimate | None) -> str:

@@ -3,13 +3,17 @@
 from typing import ClassVar
 
 import numpy as np
+from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.recordings import Plant
 from frictionjax.report.format import DASH, number, quantity, unit_text, words
-from frictionjax.report.html import table, text
+from frictionjax.report.html import table
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.series import holdout_first
+from frictionjax.report.template import fill
+
+_COMPILE = "compile"  # the stage that is a part of the others
 
 
 class Record(AbstractSection):
@@ -17,20 +21,30 @@ class Record(AbstractSection):
 
     title: ClassVar[str] = "Data, warnings, timings"
 
-    def body(self, diagnosis: Diagnosis) -> str:
-        return _warnings(diagnosis) + _data(diagnosis) + _timings(diagnosis)
+    def body(self, diagnosis: Diagnosis) -> Markup:
+        recordings = holdout_first(diagnosis.recordings)
+        head = (
+            "recording", "role", "drive", "samples", "rate", "length", "input rms", "input peak", "stroke",
+        )  # fmt: skip
+        rows = [_recording(recording, diagnosis.plant) for recording in recordings]
+        stages = [stage for stage in diagnosis.seconds if stage not in (_COMPILE, "total")]
+        times = [(words(stage), number(diagnosis.seconds[stage])) for stage in stages]
+        if "total" in diagnosis.seconds:
+            times.append(("total", number(diagnosis.seconds["total"])))
+        compiling = ""
+        if _COMPILE in diagnosis.seconds:
+            compiling = f"Of these, JAX compiled programs for {number(diagnosis.seconds[_COMPILE])} s, which it keeps."
+        return fill(
+            "record.html.j2",
+            warnings=diagnosis.warnings,
+            plant=_plant(diagnosis.plant),
+            data=table(head, rows) if rows else "",
+            timings=table(("stage", "seconds"), times) if times else "",
+            compiling=compiling,
+        )
 
 
-def _warnings(diagnosis: Diagnosis) -> str:
-    if not diagnosis.warnings:
-        return "<h3>Warnings</h3><p>None from the audit of the data or from the fit.</p>"
-    return (
-        "<h3>Warnings</h3><ul>" + "".join(f"<li>{text(line)}</li>" for line in diagnosis.warnings) + "</ul>"
-    )
-
-
-def _data(diagnosis: Diagnosis) -> str:
-    plant = diagnosis.plant
+def _plant(plant: Plant) -> str:
     constant = (
         "unknown: forces are in input units"
         if plant.motor_constant is None
@@ -40,32 +54,20 @@ def _data(diagnosis: Diagnosis) -> str:
     if plant.encoder_step is not None:
         facts.append(f"encoder step {quantity(plant.encoder_step, plant.position_unit)}")
     facts.append("inertia identified" if plant.inertia is None else f"inertia known, {number(plant.inertia)}")
-    head = ("recording", "role", "drive", "samples", "rate", "length", "input rms", "input peak", "stroke")
-    rows = [_recording(recording, plant) for recording in holdout_first(diagnosis.recordings)]
-    body = table(head, rows) if rows else ""
-    return f"<h3>Data</h3><p>Plant: {text('; '.join(facts))}.</p>{body}"
+    return "; ".join(facts)
 
 
 def _recording(recording: RecordingFit, plant: Plant) -> tuple[str, ...]:
     t, u, x = recording.t, recording.u, recording.x
     step = (t[-1] - t[0]) / (t.size - 1) if t.size > 1 else float("nan")
     return (
-        text(recording.name),
+        recording.name,
         "held out" if recording.role == "holdout" else "fit",
         recording.drive,
         str(t.size),
         f"{1 / step:.6g} Hz" if step > 0 else DASH,
         f"{number(step * t.size)} s",
-        text(quantity(float(np.sqrt(np.mean(np.square(u)))), plant.input_unit)),
-        text(quantity(float(np.max(np.abs(u))), plant.input_unit)),
-        text(quantity(float(np.ptp(x)), plant.position_unit)),
-    )
-
-
-def _timings(diagnosis: Diagnosis) -> str:
-    if not diagnosis.seconds:
-        return ""
-    stages = sorted(diagnosis.seconds.items(), key=lambda stage: stage[0] == "total")
-    return "<h3>Timings</h3>" + table(
-        ("stage", "seconds"), [(text(words(stage)), number(seconds)) for stage, seconds in stages]
+        quantity(float(np.sqrt(np.mean(np.square(u)))), plant.input_unit),
+        quantity(float(np.max(np.abs(u))), plant.input_unit),
+        quantity(float(np.ptp(x)), plant.position_unit),
     )

@@ -1,0 +1,149 @@
+"""The second and the third sentence of the report: how much better the model is, and what to do next."""
+
+import math
+
+import numpy as np
+
+from frictionjax.core.quantities import times
+from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.report.format import percent, quantities, words
+from frictionjax.report.series import is_extended
+
+_LISTED = 3  # effects that a sentence names
+
+
+def improvement(diagnosis: Diagnosis) -> str:
+    """How well the models predict, in position, and how much force they lack, with units; on the held-out recordings
+    where there are any."""
+    judged = [one for one in diagnosis.recordings if one.role == "holdout"] or list(diagnosis.recordings)
+    if not judged:
+        return ""
+    on = "On the held-out recordings" if judged[0].role == "holdout" else "On the recordings"
+    plant, imposed = diagnosis.plant, judged[0].drive == "motion"
+    unit = plant.force_unit if imposed else plant.position_unit
+    before, after = (_rms(judged, f"prediction_rmse_{model}") for model in ("base", "extended"))
+    lacks = _lacking(judged, "residual_force"), _lacking(judged, "residual_force_extended")
+    of_what = "the friction force" if imposed else "the position"
+    if not is_extended(diagnosis):
+        (error,), (force,) = quantities([before], unit, 2), quantities([lacks[0]], plant.force_unit, 2)
+        return (
+            f"{on} the base model predicts {of_what} 0.1 s ahead to {error} rms, and would need another {force} rms "
+            "of force to follow them exactly."
+        )
+    was, now = quantities([before, after], unit, 2)
+    force, left = quantities(lacks, plant.force_unit, 2)
+    better = f" ({times(before / after)} better)" if 0 < after < before else ""
+    return (
+        f"{on} the model with it predicts {of_what} 0.1 s ahead to {now} rms instead of {was}{better}, and the force "
+        f"that it lacks is {left} rms instead of {force}."
+    )
+
+
+def next_step(diagnosis: Diagnosis) -> str:
+    """What to do, in a sentence or two; empty where the summary says it: when nothing was diagnosed."""
+    if not diagnosis.was_diagnosed:
+        return ""
+    open_choice = [found for found in diagnosis.missing if len(found.effect_class) > 1]
+    if open_choice:
+        found = open_choice[0]
+        others = " or ".join(words(name) for name in found.effect_class)
+        if found.next_experiment is not None:
+            return f"To decide between {others}: {found.next_experiment.sentence}"
+        if found.split_by:
+            return f"To decide between {others}, record this and diagnose again: {found.split_by}."
+    names = " and ".join(found.sentence or words(found.effect) for found in diagnosis.missing)
+    if diagnosis.verdict == "named":
+        changed = _most_changed(diagnosis)
+        return f"Add {names} to your model, with the friction parameters of the extended model{changed}."
+    place = diagnosis.unexplained.where
+    where = f" in {place}" if place else ""
+    if diagnosis.verdict == "unknown":
+        first = f"Add {names}, then look" if names else "Look"
+        return (
+            f"{first} for a cause{where}: record the machine there again, with one condition changed at a time, and "
+            "describe the cause as an effect of your own where the catalogue has none."
+        )
+    untested = [one for one in diagnosis.candidates if not one.tested]
+    if not untested:
+        return "Use the base model as it is."
+    some = ", ".join(words(one.effect) for one in untested[:_LISTED])
+    more = f" and {len(untested) - _LISTED} others" if len(untested) > _LISTED else ""
+    return (
+        f"Use the base model as it is; these recordings cannot show {some}{more}: the table of candidates says what to "
+        "record for that."
+    )
+
+
+def remainder(diagnosis: Diagnosis) -> str:
+    """What no effect of the catalogue explains, in a sentence; empty where that is not significant."""
+    left = diagnosis.unexplained
+    if not left.present or not diagnosis.was_diagnosed:
+        return ""
+    where = f", most of it in {left.where}" if left.where else ""
+    carried = (
+        f" A map of the missing force over {left.carried_by} removes {percent(left.explains)} of what is left on "
+        "held-out recordings."
+        if left.carried_by
+        else ""
+    )
+    share = percent(left.share)
+    if diagnosis.verdict == "named":
+        return (
+            f"The named physics explains all but {share} of the misfit of the base model{where}. No effect of the "
+            f"catalogue explains the rest, which is small enough to leave the name as it is.{carried}"
+        )
+    return f"No effect of the catalogue explains {share} of the misfit of the base model{where}.{carried}"
+
+
+def badge(diagnosis: Diagnosis) -> str:
+    """The verdict in a few words, in agreement with `remainder`."""
+    if not diagnosis.was_diagnosed:
+        return "Not diagnosed: the base model does not fit these recordings"
+    if diagnosis.verdict == "adequate":
+        return "Adequate: no missing physics is significant"
+    if diagnosis.verdict == "unknown":
+        if diagnosis.missing:
+            return "Unknown: an effect is named, but no effect of the catalogue explains the rest"
+        return "Unknown: physics is missing that no effect of the catalogue explains"
+    if diagnosis.unexplained.present:
+        return f"Named: all but {percent(diagnosis.unexplained.share)} of the misfit is explained"
+    return "Named: the missing physics is identified and modelled"
+
+
+def _most_changed(diagnosis: Diagnosis) -> str:
+    """The base parameter that changes most by the extension, over its own size."""
+    changes = {
+        name: (diagnosis.extended[name].value - before.value) / before.value
+        for name, before in diagnosis.base.items()
+        if name in diagnosis.extended
+        and before.value
+        and before.identified
+        and diagnosis.extended[name].identified
+    }
+    changes = {name: change for name, change in changes.items() if math.isfinite(change) and change}
+    if not changes:
+        return ""
+    name = max(changes, key=lambda one: abs(changes[one]))
+    unit = diagnosis.extended[name].unit
+    before, after = quantities([diagnosis.base[name].value, diagnosis.extended[name].value], unit)
+    return f" ({words(name)} changes most, from {before} to {after})"
+
+
+def _rms(recordings: list[RecordingFit], name: str) -> float:
+    return float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in recordings])))
+
+
+def _lacking(recordings: list[RecordingFit], name: str) -> float:
+    """Root mean square of a residual force, each recording with the same weight."""
+    powers = [
+        np.square(force[np.isfinite(force)]) for one in recordings if (force := getattr(one, name)).size
+    ]
+    means = [float(np.mean(power)) for power in powers if power.size]
+    return math.sqrt(float(np.mean(means))) if means else math.nan
+
+
+def force_lacking(recording: RecordingFit, unit: str, extended: bool) -> tuple[str, str | None]:
+    """The residual force of base and extended model in one recording, root mean square, as text in the force `unit`."""
+    names = ("residual_force", "residual_force_extended")
+    before, after = quantities([_lacking([recording], name) for name in names], unit, 2)
+    return before, after if extended else None

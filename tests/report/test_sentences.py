@@ -1,0 +1,153 @@
+"""What the report says in words: how much better, what next, what remains; and what the parameters mean."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+
+from frictionjax.core import Estimate
+from frictionjax.diagnosis.verdict import Candidate, MissingEffect, Unexplained
+from frictionjax.physics.effects import catalogue
+from frictionjax.report.meanings import meaning_of, with_amplitudes
+from frictionjax.report.sections.headline import Headline, limiting
+from frictionjax.report.sections.record import Record
+from frictionjax.report.sentences import badge, improvement, next_step, remainder
+
+
+def _alone(**changes):
+    """The fake diagnosis with a class of one."""
+    found = fake_diagnosis(n=400)
+    (first,) = found.missing
+    return replace(found, missing=(replace(first, effect_class=("maxwell_slip",), split_by=""),), **changes)
+
+
+def test_the_improvement_has_units_of_position_and_force():
+    held = replace(
+        fake_recording(n=4), prediction_rmse_base=1.2e-6, prediction_rmse_extended=1.5e-7,
+        residual_force=3e-2 * (fake_recording(n=4).t * 0 + 1), residual_force_extended=0 * fake_recording(n=4).t - 2e-3,
+    )  # fmt: skip
+    said = improvement(_alone(recordings=(held,)))
+    assert said == (
+        "On the held-out recordings the model with it predicts the position 0.1 s ahead to 0.15 µrad rms instead of "
+        "1.2 µrad (8.0 times better), and the force that it lacks is 2.0 mN·m rms instead of 30 mN·m."
+    )
+    imposed = replace(held, drive="motion", force=held.x)
+    assert "predicts the friction force 0.1 s ahead to 0.15 µN·m" in improvement(
+        _alone(recordings=(imposed,))
+    )
+    assert "better" not in improvement(_alone(recordings=(replace(held, prediction_rmse_extended=2e-6),)))
+    assert improvement(_alone(recordings=())) == ""
+
+
+def test_an_adequate_model_has_no_extension_to_speak_of():
+    said = improvement(adequate_diagnosis())
+    assert said.startswith("On the recordings the base model predicts the position 0.1 s ahead to ")
+    assert next_step(adequate_diagnosis()) == "Use the base model as it is."
+    untested = (Candidate("backlash", math.nan, {}, False, "reason"), Candidate("creep", 0.5, {}, True, ""))
+    some = next_step(replace(adequate_diagnosis(), candidates=untested))
+    assert "these recordings cannot show backlash: " in some
+
+
+def test_what_next_depends_on_what_was_found():
+    found = fake_diagnosis(n=400)
+    assert next_step(found).startswith(
+        "To decide between maxwell slip or elasto plastic, record this and diagnose again: nested triangles"
+    )
+    alone = _alone()
+    assert next_step(alone) == (
+        "Add hysteresis with non-local memory to your model, with the friction parameters of the extended model "
+        "(sigma0 changes most, from 2010 N·m/rad to 1814 N·m/rad)."
+    )
+    left = Unexplained(True, 0.4, "slow sliding")
+    unknown = replace(alone, verdict="unknown", unexplained=left)
+    assert next_step(unknown).startswith(
+        "Add hysteresis with non-local memory, then look for a cause in slow"
+    )
+    assert next_step(replace(unknown, missing=())).startswith("Look for a cause in slow sliding")
+    untested = (Candidate("creep", math.nan, {}, False, ""),)
+    assert next_step(replace(unknown, missing=(), candidates=untested)) == ""
+
+
+@pytest.mark.parametrize("verdict", ["named", "unknown"])
+def test_the_badge_and_what_remains_agree(verdict):
+    """Never "identified and modelled" above a card that speaks of the rest."""
+    left = replace(
+        _alone(verdict=verdict), unexplained=Unexplained(True, 0.10, "slow sliding", "velocity", 0.5)
+    )
+    whole = replace(left, unexplained=Unexplained(False, 0.01, ""))
+    assert "10 %" in remainder(left) and "over velocity removes 50 %" in remainder(left)
+    assert remainder(whole) == ""
+    if verdict == "named":
+        assert badge(left) == "Named: all but 10 % of the misfit is explained"
+        assert badge(whole) == "Named: the missing physics is identified and modelled"
+        assert "explains all but 10 % of the misfit" in remainder(left)
+    else:
+        assert "no effect of the catalogue explains the rest" in badge(left)
+
+
+def test_warnings_that_change_the_reading_stand_at_the_top():
+    found = fake_diagnosis(n=400)
+    of_a_file = found.warnings[0]
+    general = "Not identifiable from these recordings: vs of the base model."
+    found = replace(found, warnings=(of_a_file, general))
+    assert limiting(found) == [general]
+    top, record = str(Headline().body(found)), str(Record().body(found))
+    assert general in top and of_a_file not in top
+    assert general in record and of_a_file in record
+    untested = (Candidate("creep", math.nan, {}, False, ""),)
+    refused = replace(found, verdict="unknown", missing=(), candidates=untested)
+    assert limiting(refused) == [of_a_file, general]
+
+
+def test_compilation_is_said_beside_the_total_not_above_it():
+    body = str(Record().body(fake_diagnosis(n=10)))
+    assert "compiled programs for 9.00 s" in body
+    assert body.index("total") < body.index("compiled programs for")
+
+
+def test_a_wave_is_shown_by_amplitude_and_phase():
+    parts = {
+        "ripple.sine": Estimate(3.0, 0.1, "N"),
+        "ripple.cosine": Estimate(4.0, 0.1, "N"),
+        "ripple.sine2": Estimate(0.0, 0.2, "N"),
+        "ripple.cosine2": Estimate(-2.0, 0.1, "N"),
+        "ripple.period": Estimate(0.02, 1e-5, "m"),
+    }
+    found = with_amplitudes(parts)
+    assert list(found) == [
+        f"ripple.{name}" for name in ("amplitude", "phase", "amplitude2", "phase2", "period")
+    ]
+    assert found["ripple.amplitude"].value == pytest.approx(5.0)
+    assert found["ripple.amplitude"].stderr == pytest.approx(0.1)
+    assert found["ripple.phase"].value == pytest.approx(math.degrees(math.atan2(4.0, 3.0)))
+    assert found["ripple.phase"].stderr == pytest.approx(math.degrees(0.1 / 5.0))
+    assert (found["ripple.amplitude2"].value, found["ripple.phase2"].value) == (2.0, -90.0)
+    alone = {"sine": Estimate(1.0, 0.1, "N")}
+    assert with_amplitudes(alone) == alone
+
+
+def test_every_parameter_has_a_meaning():
+    assert meaning_of("Fc") == "Coulomb friction"
+    assert meaning_of("J") and meaning_of("no_such") == ""
+    for name, forms in catalogue().items():
+        for form in forms:
+            estimates = {
+                f"{name}.{one.name}": Estimate(1.0, 0.1, one.unit)
+                for one in (*form.strengths, *form.nuisances)
+            }
+            for label in with_amplitudes(estimates):
+                assert meaning_of(label), label
+
+
+def test_a_card_shows_what_the_parameters_mean():
+    from frictionjax.report.sections.missing import Missing
+
+    sizes = {"sine": Estimate(0.03, 1e-3, "N*m"), "cosine": Estimate(0.04, 1e-3, "N*m")}
+    ripple = MissingEffect(
+        "ripple", ("ripple",), 0.9, 1e-9, sizes | {"period": Estimate(0.2, 1e-3, "rad")}, ""
+    )
+    body = str(Missing().body(replace(fake_diagnosis(n=10), missing=(ripple,))))
+    assert "0.0500 ± 0.0010 N·m (amplitude of the wave)" in body
+    assert "deg (phase of the wave" in body
+    assert "km u - F - sine sin(2 pi x/period)" in body
