@@ -45,6 +45,7 @@ def parser() -> argparse.ArgumentParser:
     _explain(commands)
     _demo(commands)
     _paper(commands)
+    _completion(commands)
     return whole
 
 
@@ -301,6 +302,18 @@ def _paper(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of all noise (default: %(default)s)"
     )
+
+
+def _completion(commands: Any) -> None:
+    command = _command(
+        commands,
+        "completion",
+        "print a script with which a shell completes commands and options",
+        "Print a script with which the shell completes commands, options, files and names of effects.",
+        "frictionjax completion bash > ~/.local/share/bash-completion/completions/frictionjax",
+        "frictionjax completion zsh > ~/.zfunc/_frictionjax",
+    )
+    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
 
 
 def _inputs(command: argparse.ArgumentParser) -> None:

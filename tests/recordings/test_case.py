@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from frictionjax.core import FrictionjaxWarning
+from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings import case_from_files, load_case
 
 N, RATE = 400, 1000.0
