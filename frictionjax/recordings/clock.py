@@ -22,6 +22,8 @@ _USUAL = (20.0, FASTEST_LOG)
 SLOWEST_LOG = 5.0
 """Hz; stamps without a unit that would make a log slower than this are not taken for s: a move that lasts a second
 would have five samples."""
+_FEWEST = 100
+"""Samples; a shorter recording is refused whatever its clock."""
 _SAME_RATE = 1e-3
 """Part by which a given sample rate and that of the stamps may differ."""
 
@@ -65,7 +67,7 @@ def seconds(
         low, high = (bound / factor for bound in _SINCE_1970)
         if low <= stamps[0] < high and 0.0 < step * factor <= _SLOWEST_EPOCH:
             return stamps * factor, f"`{shown(column)}` was read as {unit} since 1970"
-    if step * SLOWEST_LOG > 1.0 + _SAME_RATE:
+    if stamps.size >= _FEWEST and step * SLOWEST_LOG > 1.0 + _SAME_RATE:
         return _parts_of_a_second(stamps, step, shown(column), sample_rate, file)
     return stamps, ""
 
