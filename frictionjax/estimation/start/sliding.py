@@ -6,7 +6,6 @@ import equinox as eqx
 import numpy as np
 import scipy
 from jaxtyping import Float
-from scipy.optimize import lsq_linear
 
 from frictionjax.recordings import Recording
 
@@ -133,7 +132,9 @@ def fit_sliding(
     solution, spread = np.zeros(design.shape[1]), np.inf
     for _ in range(10):
         root = np.sqrt(weight)[:, None]
-        scaled = lsq_linear(design / size * root, target * root[:, 0], bounds=(lower, np.inf), method="bvls")
+        scaled = scipy.optimize.lsq_linear(
+            design / size * root, target * root[:, 0], bounds=(lower, np.inf), method="bvls"
+        )
         solution = scaled.x / size
         left = np.abs(target - design @ solution)
         spread = 1.4826 * float(np.median(left))
