@@ -76,16 +76,53 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def _entry(name: str, forms: tuple[type[AbstractEffect], ...]) -> str:
+def overview() -> str:
+    """The page that leads to a page for each effect, for the site, as Markdown."""
+    parts = [_HEAD]
+    forms_of = catalogue()
+    for family, names in families().items():
+        parts.append(f"## {family}\n")
+        for name in names:
+            parts += [
+                f"### `{name}`",
+                "",
+                f"{_sentence(forms_of[name])} [Equations and picture](effects/{name}.md).",
+                "",
+            ]
+    return "\n".join(parts)
+
+
+def pages() -> dict[str, str]:
+    """Effect -> its own page, for the site, as Markdown."""
+    found = {}
+    for name, forms in catalogue().items():
+        title, _, sentence, _, *facts = _entry(name, forms, link="{}.md").split("\n")
+        picture = f"![Torque against velocity and position, without and with {name}](../pictures/effects/{name}.png)"
+        said = (
+            "One arm, driven by the same input without and with the effect: the torque that input and motion leave "
+            "over, against velocity and position in sliding, and against the displacement in stick."
+        )
+        parts = (title.removeprefix("##"), sentence, picture, said, "\n".join(facts))
+        found[name] = "\n\n".join(parts)
+    return found
+
+
+def _sentence(forms: tuple[type[AbstractEffect], ...]) -> str:
+    sentence = forms[0].about.sentence
+    return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _entry(name: str, forms: tuple[type[AbstractEffect], ...], link: str = "#{}") -> str:
+    """What an effect says of itself, as Markdown; a `link` leads to the effect whose name stands in it."""
     about = forms[0].about
     facts = [
         ("Equation", f"`{about.equation}`"),
         ("Shows in", about.shows),
         ("Needs", ", ".join(_NEEDS[need] for need in about.needs)),
-        ("Confused with", ", ".join(f"[`{other}`](#{other})" for other in about.confused_with)),
+        ("Confused with", ", ".join(f"[`{other}`]({link.format(other)})" for other in about.confused_with)),
         ("Experiment that tells them apart", about.split_by),
     ]
-    lines = [f"### `{name}`", "", f"{about.sentence[0].upper()}{about.sentence[1:]}.", ""]
+    lines = [f"### `{name}`", "", _sentence(forms), ""]
     lines += [f"- {title}: {text}." for title, text in facts if text]
     source = ""
     for form in forms:

@@ -42,6 +42,9 @@ def extra_seeds(columns: Columns) -> Seeds:
         "xlsx": ("openpyxl", "a.xlsx", _xlsx),
         "tdms": ("nptdms", "a.tdms", _tdms),
         "mf4": ("asammdf", "a.mf4", _mf4),
+        "bag": ("rosbags", "a.bag", _bag),
+        "db3": ("rosbags", "a.db3", _bag),
+        "mcap": ("rosbags", "a.mcap", _bag),
     }
     found: Seeds = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -102,3 +105,33 @@ def _mf4(path: Path, columns: Columns) -> None:
     with asammdf.MDF() as file:
         file.append([asammdf.Signal(values, t, name=name) for name, values in columns.items() if name != "t"])
         file.save(path, overwrite=True)
+
+
+def _bag(path: Path, columns: Columns) -> None:
+    """A bag of one joint, whose effort is the input."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    old = path.suffix == ".bag"
+    types = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    names = ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    joint_state, header, time = (types.types[name] for name in names)
+    with tempfile.TemporaryDirectory() as folder:
+        plugin = rosbag2.StoragePlugin.MCAP if path.suffix == ".mcap" else rosbag2.StoragePlugin.SQLITE3
+        bag = Path(folder) / "bag"
+        writer = rosbag1.Writer(bag) if old else rosbag2.Writer(bag, version=9, storage_plugin=plugin)
+        with writer:
+            connection = writer.add_connection("/joint_states", names[0], typestore=types)
+            for number, (t, u, x) in enumerate(zip(columns["t"], columns["u"], columns["x"], strict=True)):
+                stamp = 1_700_000_000_000_000_000 + round(1e9 * float(t))
+                at = {"stamp": time(sec=stamp // 10**9, nanosec=stamp % 10**9), "frame_id": ""}
+                message = joint_state(
+                    header=header(**({"seq": number} if old else {}), **at),
+                    name=["joint"],
+                    position=np.array([x]),
+                    velocity=np.zeros(0),
+                    effort=np.array([u]),
+                )
+                pack = types.serialize_ros1 if old else types.serialize_cdr
+                writer.write(connection, stamp, pack(message, names[0]))
+        path.write_bytes((bag if old else next(bag.glob(f"*{path.suffix}"))).read_bytes())

@@ -46,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     _demo(commands)
     _paper(commands)
     _warm(commands)
+    _completion(commands)
     return whole
 
 
@@ -347,6 +348,18 @@ def _warm(commands: Any) -> None:
         help="samples of the longest recording to come (default: %(default)s)",
     )
     _json(command, "what was kept")
+
+
+def _completion(commands: Any) -> None:
+    command = _command(
+        commands,
+        "completion",
+        "print a script with which a shell completes commands and options",
+        "Print a script with which the shell completes commands, options, files and names of effects.",
+        "frictionjax completion bash > ~/.local/share/bash-completion/completions/frictionjax",
+        "frictionjax completion zsh > ~/.zfunc/_frictionjax",
+    )
+    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
 
 
 def _inputs(command: argparse.ArgumentParser) -> None:

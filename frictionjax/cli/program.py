@@ -75,7 +75,7 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
     # of the time of a diagnosis.
     gc.set_threshold(100_000, 50, 100)
 
-    from frictionjax.cli import compute, look, study, work
+    from frictionjax.cli import completion, compute, look, study, work
     from frictionjax.core import FrictionjaxWarning, InputError
 
     commands = {
@@ -91,6 +91,7 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
         "simulate": compute.simulate,
         "study": study.study,
         "warm": work.warm,
+        "completion": completion.completion,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("always", FrictionjaxWarning)

@@ -6,8 +6,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Key
-from scipy.stats import chi2
 
 from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
 from frictionjax.core.arrays import Numbers
@@ -47,7 +47,7 @@ class Profile(AbstractDisplayed):
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Likelihood interval of `level`: where the deviance passes the quantile of chi-square with one degree of
         freedom, by interpolation; infinite where it does not on that side."""
-        limit = float(chi2.ppf(level, 1))
+        limit = float(scipy.stats.chi2.ppf(level, 1))
         limits = []
         for side in (-1.0, 1.0):
             inside = (self.values - self.value) * side > 0.0

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, silent
@@ -187,8 +187,8 @@ def rank_for_discrimination(
 
 def _entry(name: str, ways: list[Distance], models: tuple[str, str], steps: int) -> Discriminator:
     d = min(way.refitted for way in ways)
-    z = norm.ppf(1.0 - LEVEL / 2.0)
-    probability = float(norm.cdf(d - z) + norm.cdf(-d - z))
+    z = scipy.stats.norm.ppf(1.0 - LEVEL / 2.0)
+    probability = float(scipy.stats.norm.cdf(d - z) + scipy.stats.norm.cdf(-d - z))
     converged = min(ways, key=lambda way: way.refitted).converged
     verdict = f"distinguishes {models[0]} from {models[1]} with a probability of {100.0 * probability:.3g} %"
     doubt = ", an upper bound: the refit has not converged" if steps else " by the linear projection"

@@ -12,8 +12,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, ArrayLike, Bool, Float, Real
-from scipy.optimize import minimize
 
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, silent
@@ -206,7 +206,9 @@ def _climbed(
     bounds = np.stack([first - reach, first + reach], axis=1)
     for moving in stages:
         options = {"maxiter": steps}
-        minimize(loss, best[1], moving, "L-BFGS-B", jac=True, bounds=bounds, callback=record, options=options)
+        scipy.optimize.minimize(
+            loss, best[1], moving, "L-BFGS-B", jac=True, bounds=bounds, callback=record, options=options
+        )
         if best[2] != history[-1]:
             # A last, abandoned line search may have found a better point, which is `best`.
             history.append(best[2])

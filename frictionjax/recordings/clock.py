@@ -19,6 +19,13 @@ FASTEST_LOG = 1e5
 """Hz; a header whose unit of time would make a log faster than this is not believed where the stamps in s are usual."""
 _USUAL = (20.0, FASTEST_LOG)
 """Sample rates of servo logs, Hz."""
+SLOWEST_LOG = 5.0
+"""Hz; stamps without a unit that would make a log slower than this are not taken for s: a move that lasts a second
+would have five samples."""
+_FEWEST = 100
+"""Samples; a shorter recording is refused whatever its clock."""
+_SAME_RATE = 1e-3
+"""Part by which a given sample rate and that of the stamps may differ."""
 
 
 def contradicts(stamps: Float[np.ndarray, " n"], factor: float) -> bool:
@@ -36,15 +43,22 @@ def contradicts(stamps: Float[np.ndarray, " n"], factor: float) -> bool:
     return step > 0.0 and 1.0 / (step * factor) > FASTEST_LOG and _USUAL[0] <= 1.0 / step <= _USUAL[1]
 
 
-def seconds(stamps: Float[np.ndarray, " n"], column: str) -> tuple[Float[np.ndarray, " n"], str]:
-    """Time stamps without a unit in s: counts since 1970 in ms, us or ns are recognised by their size.
+def seconds(
+    stamps: Float[np.ndarray, " n"], column: str, sample_rate: float | None = None, file: str | None = None
+) -> tuple[Float[np.ndarray, " n"], str]:
+    """Time stamps without a unit in s: counts since 1970 in ms, us or ns are recognised by their size, and parts of a
+    second by a log that would be too slow in s.
 
     **Arguments:**
 
     - `stamps`: as the file has them, shape `(n,)`.
     - `column`: the column's name, for the sentence.
+    - `sample_rate`: samples per second, where the case gives it.
+    - `file`: for the message.
 
     **Returns:** the stamps, s, shape `(n,)`, and a sentence on how they were read, empty where they were in s.
+
+    **Raises:** `InputError` for stamps that are too slow for s where more than one other reading is possible.
     """
     if stamps.size < 2 or not np.isfinite(stamps).all():
         return stamps, ""
@@ -53,7 +67,35 @@ def seconds(stamps: Float[np.ndarray, " n"], column: str) -> tuple[Float[np.ndar
         low, high = (bound / factor for bound in _SINCE_1970)
         if low <= stamps[0] < high and 0.0 < step * factor <= _SLOWEST_EPOCH:
             return stamps * factor, f"`{shown(column)}` was read as {unit} since 1970"
+    if stamps.size >= _FEWEST and step * SLOWEST_LOG > 1.0 + _SAME_RATE:
+        return _parts_of_a_second(stamps, step, shown(column), sample_rate, file)
     return stamps, ""
+
+
+def _parts_of_a_second(
+    stamps: Float[np.ndarray, " n"], step: float, column: str, sample_rate: float | None, file: str | None
+) -> tuple[Float[np.ndarray, " n"], str]:
+    """Stamps too slow for s, `step` apart, in s; and how they were read."""
+    counts = bool(np.all(np.diff(stamps) == 1.0))
+    if sample_rate is not None:
+        if counts:
+            return stamps / sample_rate, f"`{column}` counts samples: it was divided by the sample rate"
+        for unit, factor in _PARTS.items():
+            if abs(step * factor * sample_rate - 1.0) <= _SAME_RATE:
+                return stamps * factor, f"`{column}` was read as {unit}, as the sample rate says"
+        return stamps, ""
+    suits = [unit for unit, factor in _PARTS.items() if _USUAL[0] <= 1.0 / (step * factor) <= _USUAL[1]]
+    slow = f"`{column}` has no unit, and in s its sample rate would be {1.0 / step:.4g} Hz"
+    if not suits:
+        return stamps, ""
+    if len(suits) == 1 and not counts:
+        return stamps * _PARTS[suits[0]], f"{slow}: it was read as {suits[0]} (--unit t=s keeps s)"
+    options = [f"`--unit t={unit}` for {1.0 / (step * _PARTS[unit]):.5g} Hz" for unit in suits]
+    options += ["`--sample-rate HZ` where it counts samples"] if counts else []
+    options += ["`--unit t=s` for s"]
+    raise InputError(
+        slow, file=file, cure=f"Say which it is, here or as `units` of a case file: {', '.join(options)}"
+    )
 
 
 def on_one_clock(

@@ -140,8 +140,9 @@ def read_columns(
     for role in list(values):
         factor, wanted = _factor(role, columns, entry, table, plant)
         given, sentence = shown(columns.units.get(role, "")), ""
-        if role == "t" and "t" not in entry.scale and not given:
-            values[role], sentence = seconds(values[role], names.get(role, role))
+        if role == "t" and "t" not in entry.scale and not given and "t" in names:
+            file = shown(table.path, 200)
+            values[role], sentence = seconds(values[role], names[role], entry.sample_rate, file)
         elif role == "t" and "t" not in entry.units and contradicts(values[role], factor):
             factor, sentence = 1.0, f"`{shown(names[role])}` is too fine for {given}: it was read as s"
         elif not factor:

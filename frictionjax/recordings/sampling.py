@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy.interpolate import CubicSpline
 
 from frictionjax.core import InputError
 from frictionjax.recordings.readers import AbstractTable
@@ -51,7 +51,9 @@ class Grid(eqx.Module):
         before = np.clip(np.searchsorted(self.stamps, times, side="right"), 1, self.stamps.size - 1) - 1
         filled = np.diff(self.stamps)[before] > _GAP / self.sample_rate
         return np.where(
-            filled, np.interp(times, self.stamps, values), CubicSpline(self.stamps, values)(times)
+            filled,
+            np.interp(times, self.stamps, values),
+            scipy.interpolate.CubicSpline(self.stamps, values)(times),
         )
 
     def hold(self, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " n"]:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Int, Shaped
-from scipy.stats import qmc
 
 from frictionjax.core import InputError
 from frictionjax.studies.axes import Axis
@@ -207,9 +207,9 @@ class SobolDesign(AbstractDesign):
     def table(self) -> CaseTable:
         """The values of the sequence."""
         # The name of the argument differs between versions of scipy.
-        seed = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
+        seed = "rng" if "rng" in inspect.signature(scipy.stats.qmc.Sobol).parameters else "seed"
         random: dict[str, Any] = {seed: self.design_seed}
-        sequence = qmc.Sobol(len(self.axes), scramble=True, **random)
+        sequence = scipy.stats.qmc.Sobol(len(self.axes), scramble=True, **random)
         return _table(self.axes, sequence.random_base2(max(self.cases - 1, 1).bit_length())[: self.cases])
 
 

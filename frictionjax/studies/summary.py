@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy import stats
 
 from frictionjax.core import InputError
 from frictionjax.core.frames import is_dataset, to_xarray
@@ -70,7 +70,7 @@ def summarise(
         else:
             true = truth.get(name, f"{name}{TRUE}" if f"{name}{TRUE}" in dataset else None)
             found = _scatter(values, used) | _against(
-                rows, name, true, float(stats.norm.ppf(0.5 + level / 2.0))
+                rows, name, true, float(scipy.stats.norm.ppf(0.5 + level / 2.0))
             )
         unit = str(dataset[name].attrs.get("units", "1"))
         for statistic, pair in found.items():

@@ -26,7 +26,10 @@ def test_what_is_damaged_was_sound(reader, tmp_path):
 def test_every_reader_has_its_damaged_files():
     names = [name for some in (seeds(), seeds_of_extras()) for files in some.values() for name, _ in files]
     suffixes = [suffix for suffix in READERS if any(name.endswith(suffix) for name in names)]
-    readers = set(READERS.values()) - ({READERS[".mf4"]} if find_spec("asammdf") is None else set())
+    extras = {".mf4": "asammdf", ".mcap": "rosbags"}
+    readers = set(READERS.values()) - {
+        READERS[one] for one, name in extras.items() if find_spec(name) is None
+    }
     assert {READERS[suffix] for suffix in suffixes} == readers
 
 

@@ -7,7 +7,9 @@ import tomllib
 from operator import attrgetter
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.io
 
 import frictionjax as fj
 from frictionjax.diagnosis.intake.own_model import own_model
@@ -87,7 +89,7 @@ def test_examples_use_public_names(page):
 
 
 def test_the_example_of_a_case_file_has_every_key_and_is_right():
-    text = (DOCS / "your-data.md").read_text(encoding="utf-8")
+    text = (DOCS / "case-file.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"^```toml\n(.*?)^```", text, re.M | re.S)
     table = tomllib.loads(block)
     assert set(table) == set(CASE_KEYS)
@@ -101,7 +103,45 @@ def test_the_example_of_a_case_file_has_every_key_and_is_right():
     entries = [parse_entry(recording, spot) for recording in table["recording"]]
     assert {entry.role for entry in entries} == {"fit", "holdout"}
     assert all(f"`{role}`" in text for role in ROLES)
+
+
+def test_every_suffix_that_is_read_is_on_the_page_of_your_data():
+    text = (DOCS / "your-data.md").read_text(encoding="utf-8")
     assert all(f"`{suffix}`" in text for suffix in READERS)
+
+
+def test_the_example_of_a_case_file_loads(tmp_path):
+    text = (DOCS / "case-file.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```toml\n(.*?)^```", text, re.M | re.S)
+    (tmp_path / "case.toml").write_text(block, encoding="utf-8")
+    t = np.arange(26_000) / 2000.0
+    u, x = np.sin(7.0 * t), 0.5 * np.sin(7.0 * t + 0.3)
+    np.savetxt(
+        tmp_path / "noise.csv",
+        np.column_stack([1e3 * t, u, x])[:1000],
+        fmt="%.9g",
+        delimiter=",",
+        header="t,u,x",
+        comments="",
+    )
+    scipy.io.savemat(tmp_path / "moves.mat", {"data": np.column_stack([u, 1e3 * x])})
+    with pytest.warns(fj.FrictionjaxWarning, match="ms"):
+        case = fj.load_case(tmp_path / "case.toml")
+    assert [one.role for one in case.recordings] == ["fit", "holdout"]
+    assert case.recordings[1].x.size == 25_000 and np.ptp(case.recordings[1].x) < 1.1
+
+
+def test_the_effect_of_the_page_on_effects_of_your_own_acts(capsys):
+    text = (DOCS / "adding-an-effect.md").read_text(encoding="utf-8")
+    definition, use = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    exec(compile(f"{definition}\n{use}", "adding-an-effect.md", "exec"), {"__name__": "page"})
+    assert abs(2e3 * float(capsys.readouterr().out) ** 3 - 40.0) < 0.7  # what the friction may hold
+
+
+def test_every_effect_has_its_picture():
+    drawn = runpy.run_path(str(DOCS / "make_pictures.py"))["SIZES"]
+    files = {file.stem for file in (DOCS / "pictures" / "effects").glob("*.png")}
+    assert set(drawn) == files == set(fj.catalogue())
 
 
 def test_the_changelog_is_short_and_tells_of_this_version():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from frictionjax.core import FrictionjaxWarning
+from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings import case_from_files, load_case
 
 N, RATE = 400, 1000.0
@@ -92,7 +92,8 @@ def test_a_file_without_time_needs_the_sample_rate(tmp_path):
 def test_time_in_milliseconds_is_scaled(tmp_path):
     write(tmp_path / "run.csv", channels=(1e3 * T, U, X))
     assert load(tmp_path, "scale = {t = 1e-3}").recordings[0].sample_rate == RATE
-    assert "in seconds?" in " ".join(load(tmp_path).recordings[0].warnings)
+    with pytest.raises(InputError, match=r"sample rate would be 1 Hz.*--unit t=ms"):
+        load(tmp_path)
 
 
 def test_an_imposed_motion_has_a_force_and_no_input(tmp_path):

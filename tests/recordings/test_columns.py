@@ -140,7 +140,7 @@ def test_counts_since_1970_are_recognised(tmp_path, unit, size):
 
 def test_an_uptime_of_the_size_of_a_date_is_none(tmp_path):
     file = write(tmp_path, "t,u,x", (1.5e12 + 1e4 * np.arange(N), U, X))
-    with pytest.raises(InputError, match=r"the sample rate is 0\.0001 Hz.*--unit t=ms"):
+    with pytest.raises(InputError, match=r"sample rate would be 0\.0001 Hz.*--unit t=us"):
         load(file)
 
 

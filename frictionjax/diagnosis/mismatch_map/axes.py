@@ -8,8 +8,8 @@ import itertools
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy.signal import lfilter
 
 from frictionjax.core.quantities import neat, one_two_five, span
 from frictionjax.diagnosis.evidence.judgement import Scene
@@ -84,7 +84,7 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
         # From the noise of the position to the velocity of a free mass: l2 q (1 - q) / (1 - p q)^2.
         impulse = np.zeros(round(20.0 / (1.0 - pole)))
         impulse[0] = 1.0
-        response = np.asarray(lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
+        response = np.asarray(scipy.signal.lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
         deviation = float(gains.velocity) * float(np.linalg.norm(response)) * float(noise)
         speeds.append(max(modelled, _SEEN * deviation))
     return np.array(speeds)[:, None]

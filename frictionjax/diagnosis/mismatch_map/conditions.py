@@ -9,8 +9,8 @@ Satterthwaite, is corrected for the number of parts compared (Bonferroni).
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy.stats import t as student
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import Axis
@@ -150,4 +150,4 @@ def more_power(
     if variance <= 0.0:
         return None
     freedom = variance**2 / sum(v**2 / d for v, d in zip(variances, degrees, strict=True))
-    return float(student.sf((logs[0] - logs[1]) / np.sqrt(variance), freedom))
+    return float(scipy.stats.t.sf((logs[0] - logs[1]) / np.sqrt(variance), freedom))

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.bin_power import Tally
@@ -86,12 +86,12 @@ def draw_innovations(
         noise = rng.standard_normal((count, length), np.float32)
         levels = np.array([white_level(lane) for lane in noise], np.float32)
         zeros = noise_filter.zeros / np.float32(noise_filter.sensor_gain)
-        e = lfilter(zeros, noise_filter.poles, noise) / levels[:, None]
+        e = scipy.signal.lfilter(zeros, noise_filter.poles, noise) / levels[:, None]
         own = floor[row, :length].astype(np.float32)
         if np.any(own > 1.0):
             push = rng.standard_normal((count, length), np.float32)
             unit = np.ones(1, np.float32) / np.float32(noise_filter.force_gain)
-            force = lfilter(unit, noise_filter.poles, push)
+            force = scipy.signal.lfilter(unit, noise_filter.poles, push)
             e = (e + np.sqrt(own - 1.0) * force) / np.sqrt(own)
         drawn[:, row, :length] = e * scored[row, :length]
     return drawn

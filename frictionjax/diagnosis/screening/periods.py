@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.signal import find_peaks
 
 from frictionjax.estimation.data.batch import AbstractBatch
 
@@ -79,7 +79,7 @@ def wavelengths(
     spectrum = spectrum[: int(finer * span / shortest) + 2]
     cycles = np.arange(spectrum.size) / finer
     spectrum[(cycles < least) | (cycles > span / shortest)] = 0.0
-    peaks, _ = find_peaks(spectrum)
+    peaks, _ = scipy.signal.find_peaks(spectrum)
     order = peaks[np.argsort(spectrum[peaks])[::-1]]
     chosen: list[float] = []
     for peak in order:

@@ -8,8 +8,8 @@ starts at the measured pair.
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float, Int
-from scipy.signal import csd, welch
 
 from frictionjax.core import InputError
 from frictionjax.estimation.data.batch import Batch
@@ -37,9 +37,9 @@ def resonance_pair(batch: Batch, rows: Int[np.ndarray, " k"]) -> Pair | None:
         n, rate = int(batch.lengths[row]), 1.0 / float(batch.dt[row])
         segment = min(round(_SEGMENT * rate), n)
         u, x = inputs[row, :n], positions[row, :n]
-        f, power = welch(u, rate, nperseg=segment)
-        _, cross = csd(u, x, rate, nperseg=segment)
-        _, output = welch(x, rate, nperseg=segment)
+        f, power = scipy.signal.welch(u, rate, nperseg=segment)
+        _, cross = scipy.signal.csd(u, x, rate, nperseg=segment)
+        _, output = scipy.signal.welch(x, rate, nperseg=segment)
         excited = (power > _EXCITED * power.max()) & (f > _LOWEST) & (f < 0.2 * rate)
         if np.count_nonzero(excited) < 5 or not np.all(output[excited] > 0.0):
             continue

@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import f
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
@@ -351,4 +351,6 @@ def _score_test(gradients: np.ndarray) -> float:
     mean = used.mean(axis=0)
     covariance = np.atleast_2d(np.cov(used, rowvar=False))
     statistic = clusters * float(mean @ np.linalg.lstsq(covariance, mean, rcond=None)[0])
-    return float(f.sf(statistic * (clusters - count) / (count * (clusters - 1)), count, clusters - count))
+    return float(
+        scipy.stats.f.sf(statistic * (clusters - count) / (count * (clusters - 1)), count, clusters - count)
+    )

@@ -3,8 +3,8 @@
 import dataclasses
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.batch import Batch
@@ -105,7 +105,7 @@ class Observed(AbstractRecordings):
             np.asarray(batch.x0)[:, None] + (np.asarray(batch.v0) * np.asarray(batch.dt))[:, None] * steps
         )
         left = [
-            lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own)
+            scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own)
             for pole, own in zip(poles, x - travel, strict=True)
         ]
         return np.stack(left) / unit[:, None] * np.asarray(batch.valid)
@@ -126,7 +126,7 @@ class Observed(AbstractRecordings):
         level, white = np.asarray(innovation_gain(self.gains)), rng.standard_normal(self.batch.x.shape)
         return np.stack(
             [
-                lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], w) / g
+                scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], w) / g
                 for p, g, w in zip(pole, level, white, strict=True)
             ]
         )

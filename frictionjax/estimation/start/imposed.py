@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.optimize import nnls
 
 from frictionjax.estimation.start.driven import Start
 from frictionjax.frequency import FRF, fit_sk
@@ -188,7 +188,7 @@ def _plateaus(legs: list[_Leg], top: float) -> list[_Plateau]:
     for part in _SPEEDS:
         bump = np.exp(-((speed / (part * top)) ** 2))
         columns = np.stack([np.ones_like(speed), bump, speed / top, sign, -sign], axis=1)
-        solution, residual = nnls(columns, force)
+        solution, residual = scipy.optimize.nnls(columns, force)
         found.append((residual, part * top, solution))
     found.sort(key=lambda one: one[0])
     plateaus = []

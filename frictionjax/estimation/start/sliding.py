@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import lsq_linear
-from scipy.signal import savgol_filter
 
 from frictionjax.recordings import Recording
 
@@ -67,8 +66,10 @@ def smooth_motion(recording: Recording, motor_constant: float, seconds: float = 
     dt = 1.0 / recording.sample_rate
     # The input is held between samples: on the average it acts half a sample later than its time stamp.
     held = 0.5 * (recording.u + np.concatenate([recording.u[:1], recording.u[:-1]]))
-    x, v, a = (np.asarray(savgol_filter(recording.x, window, 3, deriv=d, delta=dt)) for d in (0, 1, 2))
-    return SlidingMotion(x, v, a, motor_constant * np.asarray(savgol_filter(held, window, 3)))
+    x, v, a = (
+        np.asarray(scipy.signal.savgol_filter(recording.x, window, 3, deriv=d, delta=dt)) for d in (0, 1, 2)
+    )
+    return SlidingMotion(x, v, a, motor_constant * np.asarray(scipy.signal.savgol_filter(held, window, 3)))
 
 
 def _strokes(motion: SlidingMotion) -> Float[np.ndarray, " n"]:
@@ -131,7 +132,9 @@ def fit_sliding(
     solution, spread = np.zeros(design.shape[1]), np.inf
     for _ in range(10):
         root = np.sqrt(weight)[:, None]
-        scaled = lsq_linear(design / size * root, target * root[:, 0], bounds=(lower, np.inf), method="bvls")
+        scaled = scipy.optimize.lsq_linear(
+            design / size * root, target * root[:, 0], bounds=(lower, np.inf), method="bvls"
+        )
         solution = scaled.x / size
         left = np.abs(target - design @ solution)
         spread = 1.4826 * float(np.median(left))

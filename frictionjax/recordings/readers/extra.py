@@ -12,7 +12,7 @@ from types import ModuleType
 from frictionjax.core import InputError
 from frictionjax.recordings.words import shown
 
-_EXTRAS = {"asammdf": "mdf"}
+_EXTRAS = {"asammdf": "mdf", "rosbags.highlevel": "ros", "rosbags.typesys": "ros"}
 """Library -> the extra that installs it, where that is not `files`."""
 
 
@@ -32,7 +32,7 @@ def library(name: str, path: Path) -> ModuleType:
         return importlib.import_module(name)
     except ImportError as error:
         raise InputError(
-            f"this format is read by the library {name}, which is not installed ({shown(error)})",
+            f"this format is read by the library {name.partition('.')[0]}, which is not installed ({shown(error)})",
             file=shown(path, 200),
             cure=f'Install it: python -m pip install "frictionjax[{_EXTRAS.get(name, "files")}]"',
         ) from None

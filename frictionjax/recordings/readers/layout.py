@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import equinox as eqx
 
 from frictionjax.core import InputError
+from frictionjax.recordings.readers.stamps import is_stamp
 from frictionjax.recordings.units import is_unit, parse_unit
 from frictionjax.recordings.words import shown
 
@@ -15,10 +16,6 @@ from frictionjax.recordings.words import shown
 NUMBER = re.compile(
     r"[+-]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
 )
-STAMP = re.compile(
-    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:?\d\d)?", re.ASCII | re.IGNORECASE
-)
-"""A date and time of day, ISO 8601."""
 COMMENT = ("#", "%")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _LINE_OF_NUMBERS = re.compile(r'^[ \t"+-]*[\d,].*$', re.ASCII | re.MULTILINE)
@@ -154,7 +151,7 @@ def _body(lines: list[str]) -> list[str]:
 
 def _numbers_in(fields: list[str]) -> int:
     """How many of the `fields` are numbers, or a date and time."""
-    return sum(bool(NUMBER.fullmatch(field) or STAMP.fullmatch(field)) for field in fields)
+    return sum(bool(NUMBER.fullmatch(field) or is_stamp(field)) for field in fields)
 
 
 def _header_block(above: list[tuple[int, str]], separator: str | None, width: int) -> list[list[str]]:

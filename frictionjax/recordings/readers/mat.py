@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from scipy.io import loadmat
+import scipy
 
 from frictionjax.core import InputError
 from frictionjax.recordings.limits import content, too_large
@@ -43,7 +43,7 @@ def open_mat(path: Path) -> ArrayTable:
         sound = variables(data)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # duplicate variables, which may well be unused ones
-            found = loadmat(io.BytesIO(data), variable_names=sound) if sound else {}
+            found = scipy.io.loadmat(io.BytesIO(data), variable_names=sound) if sound else {}
     except InputError:
         raise
     except TooLarge:

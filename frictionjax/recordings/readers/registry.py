@@ -11,6 +11,7 @@ from frictionjax.recordings.readers.json_file import open_json
 from frictionjax.recordings.readers.mat import open_mat
 from frictionjax.recordings.readers.mf4 import open_mf4
 from frictionjax.recordings.readers.npz import open_npz
+from frictionjax.recordings.readers.ros import open_bag
 from frictionjax.recordings.readers.sheets import open_sheet
 from frictionjax.recordings.readers.tdms import open_tdms
 from frictionjax.recordings.readers.text import open_text
@@ -37,6 +38,9 @@ READERS: dict[str, Reader] = {
     ".tdms": open_tdms,
     ".mf4": open_mf4,
     ".mdf": open_mf4,
+    ".bag": open_bag,
+    ".db3": open_bag,
+    ".mcap": open_bag,
 }
 """The reader of each suffix; a new format is a module and a line here."""
 

@@ -5,7 +5,6 @@ import io
 import re
 import warnings
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import equinox as eqx
@@ -18,7 +17,6 @@ from frictionjax.recordings.readers.base import AbstractTable
 from frictionjax.recordings.readers.fast import numbers_of
 from frictionjax.recordings.readers.layout import (
     NUMBER,
-    STAMP,
     Layout,
     content_lines,
     find_layout,
@@ -26,6 +24,7 @@ from frictionjax.recordings.readers.layout import (
     with_decimal_points,
 )
 from frictionjax.recordings.readers.packed import contents
+from frictionjax.recordings.readers.stamps import is_stamp, seconds_between
 from frictionjax.recordings.words import shown
 
 _HEAD = 1 << 20
@@ -120,7 +119,7 @@ class TextTable(AbstractTable):
     def _read_slowly(self, columns: list[int], text: str) -> list[Float[np.ndarray, " _"]]:
         """Line by line: right for files with text in unused columns, and able to name the place of an error."""
         rows: list[list[float]] = []
-        origins: dict[int, datetime] = {}
+        origins: dict[int, str] = {}
         # What is asked of a Module is wrapped at each asking, which would take longer than to read the line.
         width, separator, value = self.layout.width, self.layout.separator, self._value
         for number, line in content_lines(text.split("\n"), self.layout.start):
@@ -137,18 +136,16 @@ class TextTable(AbstractTable):
             rows.append([value(fields[k], number, k, origins) for k in columns])
         return list(np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T.copy())
 
-    def _value(self, field: str, line: int, column: int, origins: dict[int, datetime]) -> float:
+    def _value(self, field: str, line: int, column: int, origins: dict[int, str]) -> float:
         """The number in a `field`; NaN where it is empty; of a date and time the seconds since the first one, which
         `origins` keeps by column."""
         if NUMBER.fullmatch(field):
             return float(field)
-        if STAMP.fullmatch(field):
+        if is_stamp(field):
             try:
-                time = datetime.fromisoformat(field.upper())
+                return seconds_between(origins.setdefault(column, field), field)
             except ValueError:  # the thirteenth month
                 raise self._not_a_number(field, line, self.names[column]) from None
-            time = time.replace(tzinfo=time.tzinfo or UTC)
-            return (time - origins.setdefault(column, time)).total_seconds()
         if not field:
             return np.nan
         raise self._not_a_number(field, line, self.names[column])
@@ -168,8 +165,8 @@ def open_text(path: Path) -> TextTable:
 
     Separators: comma, semicolon, tab, or blanks. Lines that start with # or % are comments; so is the rest of a
     line of numbers after such a sign. Numbers have decimal points; or, where another sign separates them, commas, and
-    a warning says so. Dates with a time of day (ISO 8601) are seconds since the first one. UTF-8 (with or without a
-    byte order mark), UTF-16 with one, else Latin-1.
+    a warning says so. Dates with a time of day, and times of day alone, are seconds since the first one. UTF-8 (with or
+    without a byte order mark), UTF-16 with one, else Latin-1.
 
     **Arguments:**
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from scipy.stats import chi2
 
 from frictionjax.estimation import FitResult, Profile
 from frictionjax.report.canvas import BAND, EXTENDED, MEASURED
@@ -56,7 +56,7 @@ def draw_profile(profile: Profile, place: Place, units: Mapping[str, str] | None
     if np.isfinite(profile.stderr) and profile.stderr > 0.0:
         parabola = ((fine - profile.value) / profile.stderr) ** 2
         panel.plot(fine, parabola, color=MEASURED, linewidth=0.9, linestyle="dashed", label="standard error")
-    panel.axhline(float(chi2.ppf(0.95, 1)), color=BAND, linewidth=0.9)
+    panel.axhline(float(scipy.stats.chi2.ppf(0.95, 1)), color=BAND, linewidth=0.9)
     for end in filter(np.isfinite, profile.interval()):
         panel.axvline(end, color=BAND, linewidth=0.8, linestyle="dotted")
     panel.set(xlabel=labelled(profile.name, profile.unit), ylabel="deviance (the line: 95 %)")

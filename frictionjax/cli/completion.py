@@ -1,0 +1,51 @@
+"""The command `completion`: a script with which a shell completes commands, options, files and names of effects.
+
+The script is written once, by shtab, from the parser itself: nothing of frictionjax runs when a key is pressed.
+"""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from frictionjax.cli.terminal import Terminal, say
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_FILES = ("FILE", "RECORDING", "FIT", "VERDICT")
+_FOLDERS = ("DIR",)
+_EFFECTS = ("NAME", "EFFECT")
+_COMMANDS_WITH_EFFECTS = ("fit", "effects", "explain")
+
+
+def completion(arguments: argparse.Namespace, terminal: Terminal) -> None:
+    """`frictionjax completion`."""
+    import shtab
+
+    from frictionjax.cli.options import parser
+    from frictionjax.physics import catalogue
+
+    whole = parser()
+    effects = tuple(catalogue())
+    for name, command in _commands(whole):
+        for action in command._actions:
+            if action.choices:
+                continue
+            if name in _COMMANDS_WITH_EFFECTS and action.metavar in _EFFECTS and action.dest != "recording":
+                action.choices = effects
+            elif action.metavar in _FILES:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+            elif action.metavar in _FOLDERS:
+                action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+    terminal.close()
+    say([shtab.complete(whole, shell=arguments.shell)])
+
+
+def _commands(
+    parser: argparse.ArgumentParser, name: str = ""
+) -> "Iterable[tuple[str, argparse.ArgumentParser]]":
+    """The name and the parser of each command under a `parser`, and of their own."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, command in action.choices.items():
+                yield name, command
+                yield from _commands(command, name)
