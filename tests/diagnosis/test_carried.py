@@ -2,6 +2,7 @@
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility, made_credible
 from frictionjax.diagnosis.base_model.fit_base import base_of
 from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable
@@ -107,3 +109,12 @@ def test_what_makes_a_model_of_none_is_accepted_whatever_share_it_explains():
     # Chance is none the less refused.
     assert not acceptable(row(makes_credible=True, p_value=1.0, held_out=Lead(1.0, 10.0, 20)), RULE)[0]
     assert np.isclose(row().gains(RULE).share, 0.4)
+
+
+def test_what_was_not_tested_after_it_says_that_nothing_was_left_to_test_it_by():
+    first = SimpleNamespace(
+        trials=[], refits=[], compared=[row(makes_credible=True)], accepted=None, dropped=""
+    )
+    reasons = {one.effect: one.reason for one in candidates([first], {}, {"delay": "too slow"})}
+    assert reasons["ripple"].startswith("not tested: what carries the motor force")
+    assert reasons["delay"] == "too slow"

@@ -391,10 +391,6 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
     assert not by_name["gravity_pendulum"].tested
     assert by_name["gravity_pendulum"].reason == "the position is no angle"
-    # After a force without which there was no model, what was not tested had nothing to be tested by.
-    first = SimpleNamespace(**vars(step) | {"compared": [_row((0.9, 0.8), makes_credible=True)] * 2})
-    rows = {row.effect: row.reason for row in candidates([first], units, {})}
-    assert rows["maxwell_slip"].startswith("not tested: what carries the motor force")
     # What would have been accepted later, but was not, says why; what is named does not.
     later = SimpleNamespace(
         **vars(step) | {"accepted": None, "compared": [_row((0.9, 0.8))] * 2, "dropped": "too late"}
