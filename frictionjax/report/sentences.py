@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from frictionjax.core.quantities import times
+from frictionjax.diagnosis.findings.summary import free_sentence
 from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
 from frictionjax.report.format import percent, quantities, words
 from frictionjax.report.series import is_extended
@@ -86,6 +87,8 @@ def remainder(diagnosis: Diagnosis) -> str:
         if left.carried_by
         else ""
     )
+    free = free_sentence(diagnosis.ceiling, diagnosis.plant.force_unit)
+    carried += f" {free}" if free else ""
     share = percent(left.share)
     if diagnosis.verdict == "named":
         return (

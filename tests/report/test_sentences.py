@@ -7,7 +7,7 @@ import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.verdict import Candidate, MissingEffect, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, Ceiling, MissingEffect, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.headline import Headline, limiting
@@ -78,6 +78,9 @@ def test_the_badge_and_what_remains_agree(verdict):
     whole = replace(left, unexplained=Unexplained(False, 0.01, ""))
     assert "10 %" in remainder(left) and "over velocity removes 50 %" in remainder(left)
     assert remainder(whole) == ""
+    above = Ceiling(0.3, 0.1, 0.7, 0.6, 8.0, 0.025, 0.05, 0.02, "velocity", True)
+    assert "A force that is free in velocity" in remainder(replace(left, ceiling=above))
+    assert "A force that is free" not in remainder(left)
     if verdict == "named":
         assert badge(left) == "Named: all but 10 % of the misfit is explained"
         assert badge(whole) == "Named: the missing physics is identified and modelled"

@@ -43,7 +43,7 @@ def summary_sentence(
     held_out = _held_out(fits, unit, position_unit)
     if not missing:
         text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."
-        text = f"{text} {_free(ceiling, unit)}".strip()
+        text = f"{text} {free_sentence(ceiling, unit)}".strip()
         return f"{text} {_carried(unexplained)} {held_out}".strip() if unexplained.carried_by else text
     named = "; ".join(_named(effect) for effect in missing)
     text = f"Missing from the base model: {named}. The mismatch is in: {where}. {held_out}"
@@ -53,11 +53,11 @@ def summary_sentence(
         )
         if unexplained.carried_by:
             text += f" {_carried(unexplained)}"
-    return f"{text} {_free(ceiling, unit)}".strip()
+    return f"{text} {free_sentence(ceiling, unit)}".strip()
 
 
-def _free(ceiling: Ceiling | None, unit: str) -> str:
-    """What a free force explains, where that is significant."""
+def free_sentence(ceiling: Ceiling | None, unit: str) -> str:
+    """What a free force explains, in the force `unit`; empty where the `ceiling` is not above the model."""
     if ceiling is None or not ceiling.above:
         return ""
     return (
