@@ -33,8 +33,8 @@ from frictionjax.physics.effects import AbstractEffect, catalogue
 from frictionjax.recordings import Recording
 
 _RATE, _SAMPLES, _RECORDINGS = 500.0, 400, 3
-_DRIVE = Drive(J=0.01, friction=LuGre(100.0, 1.0, 0.05, 0.1, 0.15, 0.02))
 _UNITS = {"force": "N*m", "position": "rad", "input": "V"}
+_PERIODS = ("odd_period", "even_period", "sensor_period")
 _SHORT = 16384  # samples: the shortest length that programs are made for (`estimation/data/pieces.py`)
 
 
@@ -121,8 +121,9 @@ def _compiled_for(form: type[AbstractEffect] | None, length: int) -> None:
     """Take the steps of a diagnosis once with the structure of the base model and a `form` of an effect."""
     batch = _recordings(length)
     held_out = np.arange(_RECORDINGS) == _RECORDINGS - 1
-    scales = plant_scales(_DRIVE, batch)
-    base, start = robust_posterior(_DRIVE, batch, held_out, scales=scales)
+    drive = Drive(J=0.01, friction=LuGre(100.0, 1.0, 0.05, 0.1, 0.15, 0.02))
+    scales = plant_scales(drive, batch)
+    base, start = robust_posterior(drive, batch, held_out, scales=scales)
     posterior, vector = base, start
     instances = [] if form is None else forms_to_try(form, scales, dict.fromkeys(_PERIODS, (0.05,)))
     if instances:
@@ -137,6 +138,3 @@ def _compiled_for(form: type[AbstractEffect] | None, length: int) -> None:
     view(model.judgement, scene_of(model, tuple(f"recording {number}" for number in range(_RECORDINGS))))
     evaluations = slow.evaluated(fitted.vector)
     estimates(slow, fitted.vector, covariance_of(slow, evaluations, fitted.near), _UNITS)
-
-
-_PERIODS = ("odd_period", "even_period", "sensor_period")

@@ -119,3 +119,14 @@ import frictionjax.api, sys
 print(before == jax.config.values, *{"matplotlib.pyplot", "pandas", "xarray"} & set(sys.modules))
 """
     assert _run(code).strip() == "True"
+
+
+def test_importing_the_public_names_computes_nothing():
+    """What JAX computes before its settings are made is slow for the whole process; `configure_jax` says so."""
+    code = """
+import warnings
+import frictionjax.api as fj
+warnings.simplefilter("error")
+fj.configure_jax()
+"""
+    assert _run(code) == ""
