@@ -30,9 +30,7 @@ from frictionjax.estimation.objective.quadratic import all_columns
 
 _PROBE = 0.02  # of Coulomb friction: a force whose response is simulated
 _A_PERIOD = 8.0  # samples that are kept in a period of the observer's bandwidth
-_HELD_BACK = np.logspace(
-    2.0, -6.0, 9
-)  # inverse variances of a height over Coulomb friction, in a mean sample
+_HELD_BACK = np.logspace(2.0, -6.0, 9)  # inverse variances of heights over Coulomb friction, in a sample
 _FOLDS = 5
 _SOME = 8  # forces that are simulated side by side
 _PASSES, _TURNS = 2, 4  # of linearising, of re-weighting in each
@@ -99,26 +97,20 @@ def _reported(
 ) -> Ceiling:
     batch, drive = model.posterior.batch, model.judgement.drive
     inside, Fc = np.asarray(batch.valid) > 0.0, float(drive.friction.Fc)
-    parts, first = {}, 0
-    for group in groups:
-        own = fit.heights[first : first + len(group.columns)]
-        first += len(group.columns)
-        parts[group.variable] = Fc * np.tensordot(own, group.columns, 1)
-    whole = sum(parts.values(), np.zeros(inside.shape))
+    force = Fc * np.tensordot(fit.heights, together(groups), 1) if groups else np.zeros(inside.shape)
     applied = float(drive.motor_constant) * np.asarray(batch.u)[inside]
-    rms = float(np.sqrt(np.mean(whole[inside] ** 2)))
-    lead = gains.lead_holdout
+    rms, lead = float(np.sqrt(np.mean(force[inside] ** 2))), float(gains.lead_holdout)
     return Ceiling(
         misfit_model=float(before[1]),
         misfit_free=float(after[1]),
         share_fit=float(gains.share_fit),
         share_holdout=float(gains.share_holdout),
-        lead=float(lead),
+        lead=lead,
         force=rms,
         of_coulomb=rms / max(Fc, 1e-300),
         of_applied=rms / max(float(np.sqrt(np.mean(applied**2))), 1e-300),
         variable=", ".join(group.variable for group in groups),
-        above=is_above(float(lead), float(before[1] - after[1]), rule),
+        above=is_above(lead, float(before[1] - after[1]), rule),
     )
 
 
