@@ -1,5 +1,6 @@
 """The notebooks: executed in their small setting, and committed without outputs or with those of a whole run."""
 
+import dataclasses
 import json
 import os
 import sys
@@ -294,8 +295,10 @@ def test_the_estimators_are_compared_and_drawn(monkeypatch, capsys):
 
 def test_a_robot_joint_is_read_recorded_and_written_back(monkeypatch, capsys):
     """All of it but the diagnosis itself: the file is read, and the machine recorded, as at full size."""
-    given = []
-    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: given.append(case) or fake_diagnosis())
+    given, fake = [], fake_diagnosis()
+    # An inertia of the joint's size: that of the body alone must fit into it.
+    own = dataclasses.replace(fake, extended={**fake.extended, "J": fj.Estimate(0.21, 0.01, "kg*m^2")})
+    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: given.append(case) or own)
     names = _execute("06_a_robot_joint", monkeypatch, small=False)
     (case,) = given
     assert case.model == names["known"].model and case.plant.motor_constant == 1.0

@@ -41,7 +41,7 @@ WORK = 0.05
 def command(tmp_path, monkeypatch):
     """The program's arguments; it reads its case, reserves the folder and saves as always, and diagnoses in no time."""
 
-    def diagnose(case, *, progress):
+    def diagnose(case, *, known, without, progress):
         assert {recording.name for recording in case.recordings} == set(NAMES)
         progress("fitting the base model", 0.5)
         time.sleep(WORK)

@@ -1,11 +1,15 @@
 """The commands that diagnose: `diagnose`, `demo`, `paper`; and `warm`, which compiles for them."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from frictionjax.cli.cases import case_of
 from frictionjax.cli.terminal import Terminal, say, say_json
+
+_Asked = tuple[Sequence[str], Sequence[str]]
+"""Effects that the user accepts, and those that are rejected."""
 
 if TYPE_CHECKING:
     import argparse
@@ -21,14 +25,14 @@ def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.report.save import verdict_json
 
     with reserved(arguments.out):
-        case, asked = case_of(arguments), {"known": arguments.known, "without": arguments.without}
+        case, asked = case_of(arguments), (arguments.known, arguments.without)
         if arguments.json:
-            diagnosis, _, lost = _diagnosed(case, arguments.out, terminal, start=0.0, **asked)
+            diagnosis, _, lost = _diagnosed(case, arguments.out, terminal, start=0.0, asked=asked)
             say_json(verdict_json(diagnosis))
             if lost is not None:
                 raise lost
         else:
-            _finish(case, arguments.out, terminal, start=0.0, **asked)
+            _finish(case, arguments.out, terminal, start=0.0, asked=asked)
 
 
 def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -92,11 +96,13 @@ def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     )
 
 
-def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float, **asked: list[str]) -> "Diagnosis":
+def _finish(
+    case: "Case", out: Path, terminal: Terminal, *, start: float, asked: _Asked = ((), ())
+) -> "Diagnosis":
     """Diagnose, save and print the summary: the last part of both commands."""
     from frictionjax.report import summary_lines
 
-    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, **asked)
+    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, asked=asked)
     say(summary_lines(diagnosis))
     files = [saved / name for name in ("report.html", "verdict.json", "fit")]
     say(["", "Written:", *(f"  {file}" for file in files if file.exists())])
@@ -106,7 +112,7 @@ def _finish(case: "Case", out: Path, terminal: Terminal, *, start: float, **aske
 
 
 def _diagnosed(
-    case: "Case", out: Path, terminal: Terminal, *, start: float, **asked: list[str]
+    case: "Case", out: Path, terminal: Terminal, *, start: float, asked: _Asked = ((), ())
 ) -> tuple["Diagnosis", Path, "InputError | None"]:
     """The diagnosis, with its warnings printed; where it was saved, and why not in `out`. `asked` are effects that the
     user accepts and rejects."""
@@ -115,7 +121,8 @@ def _diagnosed(
     from frictionjax.report import check_writable, rescue_diagnosis
 
     check_writable(out, case)
-    diagnosis = diagnose(case, **asked, progress=terminal.part(start, 1.0))
+    known, without = asked
+    diagnosis = diagnose(case, known=known, without=without, progress=terminal.part(start, 1.0))
     terminal.progress("writing the report", 1.0)
     lost: InputError | None = None
     try:

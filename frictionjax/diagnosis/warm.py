@@ -16,11 +16,13 @@ import numpy as np
 
 from frictionjax.core import InputError, Progress, reporting, require_x64
 from frictionjax.core.setup import programs_folder
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.views import view
 from frictionjax.diagnosis.intake.as_asked import check_effects
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import Batch, make_batch
@@ -127,12 +129,12 @@ def _compiled_for(form: type[AbstractEffect] | None, length: int) -> None:
     posterior, vector = base, start
     instances = [] if form is None else forms_to_try(form, scales, dict.fromkeys(_PERIODS, (0.05,)))
     if instances:
-        try_form(present_model(base, start), instances[:1], scales)
+        try_form(present_model(base, start), instances[:1], scales, effort=Effort())
         posterior, vector = extend(base, start, instances[0], scales)
     slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
     fitted = descend(slow, vector, graduate=False, steps=1)
     model = Model(slow, fitted, judge(slow, fitted))
-    answer_to_force(slow, fitted.vector)
+    answer_to_force(slow, fitted.vector, rule=Rule())
     present = present_model(slow, fitted.vector)
     present.with_forces(np.asarray(present.vector)[None], np.zeros((1, *batch.x.shape))[:, ~held_out])
     view(model.judgement, scene_of(model, tuple(f"recording {number}" for number in range(_RECORDINGS))))

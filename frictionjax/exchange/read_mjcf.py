@@ -217,7 +217,7 @@ def _actuators(
         name = own.get("name", element.tag)
         if "lugre" in own:
             values = numbers(own["lugre"], "", f"{name}, lugre").tolist()
-            bristle = dict(zip(_BRISTLE, values, strict=False))
+            bristle = {str(key): value for key, value in zip(_BRISTLE, values, strict=False)}
         elif element.tag == "motor":
             gears.append(one(own.get("gear"), 1.0, f"{name}, gear"))
         else:

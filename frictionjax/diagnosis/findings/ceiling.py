@@ -22,6 +22,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.table import Both, Gains
 from frictionjax.diagnosis.verdict import Ceiling
+from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power
@@ -69,8 +70,8 @@ def ceiling_of(
 
     **Returns:** None where the motion is imposed.
     """
-    posterior = model.posterior
-    if posterior.batch.imposed:
+    posterior, batch = model.posterior, model.posterior.batch
+    if not isinstance(batch, Batch):
         return None
     # Above the noise of the sensor alone: an unmeasured force may be what is missing.
     answer = answer_to_force(posterior, np.asarray(model.fitted.vector), rule=rule)
@@ -82,10 +83,10 @@ def ceiling_of(
     present = search.present
     x, v, z = _motion(present)
     drive = model.judgement.drive
-    groups = free_force(x, v, z, np.asarray(posterior.batch.u), drive, scene, since)
+    groups = free_force(x, v, z, np.asarray(batch.u), drive, scene, since)
     fit, groups = search.run(groups)
     reached, before = (
-        Judgement(drive, one.vector, one.power, model.judgement.held_out, posterior.batch)
+        Judgement(drive, one.vector, one.power, model.judgement.held_out, batch)
         for one in (fit, search.first)
     )
     gains = compare(before, reached, floor, rule=rule)
@@ -98,7 +99,7 @@ def _reported(
     batch, drive = model.posterior.batch, model.judgement.drive
     inside, Fc = np.asarray(batch.valid) > 0.0, float(drive.friction.Fc)
     force = Fc * np.tensordot(fit.heights, together(groups), 1) if groups else np.zeros(inside.shape)
-    applied = float(drive.motor_constant) * np.asarray(batch.u)[inside]
+    applied = float(drive.motor_constant) * np.asarray(batch.inputs)[inside]
     rms, lead = float(np.sqrt(np.mean(force[inside] ** 2))), float(gains.lead_holdout)
     return Ceiling(
         misfit_model=float(before[1]),
@@ -292,7 +293,8 @@ class _Search:
     ) -> Float[np.ndarray, " f"]:
         """Cost of each of the `parts` with coordinates at the `places` from the other parts."""
         square = np.ix_(places, places)
-        gram, right = sum(part[0] for part in parts)[square], sum(part[1] for part in parts)[places]
+        gram = np.sum([part[0] for part in parts], axis=0)[square]
+        right = np.sum([part[1] for part in parts], axis=0)[places]
         costs = []
         for own_gram, own_right, left in parts:
             own_gram, own_right = own_gram[square], own_right[places]
