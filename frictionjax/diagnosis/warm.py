@@ -26,6 +26,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import Batch, make_batch
+from frictionjax.estimation.data.pieces import SHORTEST, lengths_up_to
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
@@ -37,7 +38,6 @@ from frictionjax.recordings import Recording
 _RATE, _SAMPLES, _RECORDINGS = 500.0, 400, 3
 _UNITS = {"force": "N*m", "position": "rad", "input": "V"}
 _PERIODS = ("odd_period", "even_period", "sensor_period")
-_SHORT = 16384  # samples: the shortest length that programs are made for (`estimation/data/pieces.py`)
 
 
 class Warmed(eqx.Module):
@@ -55,7 +55,7 @@ class Warmed(eqx.Module):
 
 
 def warm(
-    effects: Sequence[str] | None = None, *, longest: int = _SHORT, progress: Progress | bool = True
+    effects: Sequence[str] | None = None, *, longest: int = SHORTEST, progress: Progress | bool = True
 ) -> Warmed:
     """Compile, and keep, the programs with which force-driven recordings are diagnosed.
 
@@ -87,7 +87,7 @@ def warm(
     names = list(known) if effects is None else list(effects)
     check_effects(names)
     forms: list[type[AbstractEffect] | None] = [None, *(form for name in names for form in known[name])]
-    work = [(form, length) for length in _lengths(longest) for form in forms]
+    work = [(form, length) for length in lengths_up_to(longest) for form in forms]
     with reporting(progress) as report, ThreadPoolExecutor(os.cpu_count() or 1) as threads:
         running = [threads.submit(_compiled_for, *one) for one in work]
         for number, (one, (form, length)) in enumerate(zip(running, work, strict=True)):
@@ -99,16 +99,9 @@ def warm(
     return Warmed(len(work), len(files), size, time.perf_counter() - started, folder)
 
 
-def _lengths(longest: int) -> list[int]:
-    lengths = [_SHORT]
-    while lengths[-1] < longest:
-        lengths.append(4 * lengths[-1])
-    return lengths
-
-
 def _recordings(length: int) -> Batch:
     """Recordings that are padded to the `length`: what they hold does not matter."""
-    samples = _SAMPLES if length == _SHORT else length // 4 + 1
+    samples = _SAMPLES if length == SHORTEST else length // 4 + 1
     t = np.arange(samples) / _RATE
     found = []
     for number in range(_RECORDINGS):

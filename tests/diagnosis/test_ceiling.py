@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import numpy as np
 import pytest
 from helpers_estimation import PLANT, base_fit, closed_loop, moves
@@ -75,6 +76,20 @@ def test_columns_of_each_variable_add_up_to_one_or_to_the_direction():
     for variable in ("distance since a reversal", "the last rest", "size of the input and direction", "time"):
         np.testing.assert_allclose(sums[variable], direction, atol=1e-12)
     assert np.all(direction[inside & (v > 1.0)] > 0.99) and np.all(direction[inside & (v < -1.0)] < -0.99)
+
+
+def test_a_velocity_has_the_same_columns_under_every_sensor():
+    """A coarse sensor in one recording of two with the same motion: the force is one function of the velocity."""
+    model = base_fit([PLANT], servo(PLANT))
+    batch = model.posterior.batch
+    noisier = np.asarray(batch.noise) * np.array([1.0, 1e4, 1.0, 1.0])
+    scene = eqx.tree_at(lambda s: s.batch.noise, scene_of(model, NAMES), noisier)
+    x = np.repeat(np.asarray(batch.x)[:1], 4, axis=0)
+    v = np.gradient(x, axis=1) / np.asarray(batch.dt)[:, None]
+    groups = free_force(x, v, 0.0 * x, np.asarray(batch.u), PLANT, scene, np.zeros(4))
+    columns = next(group.columns for group in groups if group.variable == "velocity")
+    both = (np.asarray(batch.valid)[:2] > 0).all(axis=0)
+    np.testing.assert_array_equal(columns[:, 0, both], columns[:, 1, both])
 
 
 def test_both_a_lead_and_a_drop_that_matters_are_asked():

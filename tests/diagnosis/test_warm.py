@@ -15,8 +15,8 @@ from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.views import view
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
-from frictionjax.diagnosis.warm import _lengths
 from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.data.pieces import lengths_up_to, pieces_of
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
@@ -84,8 +84,10 @@ def test_after_it_recordings_of_any_shape_compile_nothing(kept):
 
 
 def test_longer_recordings_have_programs_of_their_own():
-    assert _lengths(1) == _lengths(16384) == [16384]
-    assert _lengths(16385) == _lengths(65536) == [16384, 65536]
+    assert lengths_up_to(1) == lengths_up_to(16384) == [16384]
+    assert lengths_up_to(16385) == lengths_up_to(65536) == [16384, 65536]
+    for samples in (1, 16384, 16385, 70000):
+        assert pieces_of(np.array([samples]))[0].length == lengths_up_to(samples)[-1]
 
 
 def test_what_cannot_be_kept_or_named_is_refused(kept):

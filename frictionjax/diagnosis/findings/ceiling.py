@@ -20,6 +20,7 @@ from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
 from frictionjax.diagnosis.findings.free_force import Group, free_force, together
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
+from frictionjax.diagnosis.screening.score_test import LONGEST_STEP
 from frictionjax.diagnosis.table import Both, Gains
 from frictionjax.diagnosis.verdict import Ceiling
 from frictionjax.estimation.data.batch import Batch
@@ -36,7 +37,6 @@ _FOLDS = 5
 _SOME = 8  # forces that are simulated side by side
 _PASSES, _TURNS = 2, 4  # of linearising, of re-weighting in each
 _DAMPING = (1.0, 0.5, 0.2)
-_LONGEST_STEP = 1.5  # of a coordinate of the model in one turn
 
 
 _Part = tuple[Float[np.ndarray, "s s"], Float[np.ndarray, " s"], float]
@@ -322,7 +322,7 @@ class _Search:
     ) -> list[_Fit]:
         """The fits after each of the `steps`."""
         many = len(self.base)
-        vectors = [now.vector + np.clip(step[:many], -_LONGEST_STEP, _LONGEST_STEP) for step in steps]
+        vectors = [now.vector + np.clip(step[:many], -LONGEST_STEP, LONGEST_STEP) for step in steps]
         return self._simulated(vectors, [now.heights + step[many:] for step in steps], columns)
 
     def _simulated(
@@ -345,7 +345,7 @@ class _Search:
             size = float(np.sum(weight[row] * own**2))
             if size > 0.0:
                 change = -float(np.sum(weight[row] * own * errors[row])) / size
-                vector[self.count + row] += np.clip(change, -_LONGEST_STEP, _LONGEST_STEP)
+                vector[self.count + row] += np.clip(change, -LONGEST_STEP, LONGEST_STEP)
         [other] = self._simulated([vector], [fit.heights], columns)
         better = misfit_of(other.power, (~self.fitted).astype(float), self.batch)
         return other if better < misfit_of(fit.power, (~self.fitted).astype(float), self.batch) else fit

@@ -67,8 +67,9 @@ def free_force(
     place = _roofs(x, np.linspace(*_span(x, inside), _PLACES))
     bends = np.geomspace(_BENDS[0] * bend, _BENDS[1] * bend, _DISTANCES)
     rests = np.geomspace(_SHORTEST_REST, _LONGEST_REST, _RESTS)
-    # Knots are dense where friction falls: even steps of the inverse hyperbolic sine.
-    speed, fastest = np.arcsinh(v / slow), float(np.arcsinh(top / np.min(slow)))
+    # Knots are dense where friction falls: even steps of the inverse hyperbolic sine, in all recordings the same.
+    slowest = float(np.min(slow))
+    speed, fastest = np.arcsinh(v / slowest), float(np.arcsinh(top / slowest))
     groups = (
         Group("velocity", _roofs(speed, np.linspace(-fastest, fastest, _SPEEDS))),
         Group("deflection of the bristle", _roofs(z / bend, np.linspace(-1.0, 1.0, _BENT))),

@@ -27,7 +27,7 @@ from frictionjax.physics.effects import AbstractEffect
 
 _T = TypeVar("_T")
 _DAMPING = (1.0, 0.4)
-_LONGEST_STEP = 1.5
+LONGEST_STEP = 1.5
 _THROWN = 1e4  # rms of a column's finite step over that of the innovations: beyond it a break-away has moved
 _NOTHING = 1e-9  # sum of squares of what a whole coordinate does to the standardised innovations
 
@@ -254,14 +254,14 @@ def _promise(present: Present, probe: _Probe, products) -> Promise:
         linear = max(linear, float(-(whole @ step) + weighing.right @ without) / samples)
         for damping in _DAMPING:
             change = np.zeros(vector.shape[0])
-            change[position] = damping * np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+            change[position] = damping * np.clip(step, -LONGEST_STEP, LONGEST_STEP)
             candidates.append(vector + change)
         if number == 0:
             coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]
             far, undone = np.asarray(probe.sizes), np.zeros(vector.shape[0])
             shown = float(far @ own @ far) / samples
             absorbed = float(far @ cross.T @ coefficients @ far) / samples / max(shown, _NOTHING)
-            undone[position[:-size]] = np.clip(coefficients @ far, -_LONGEST_STEP, _LONGEST_STEP)
+            undone[position[:-size]] = np.clip(coefficients @ far, -LONGEST_STEP, LONGEST_STEP)
             valley = vector - undone
             valley[list(where)] += far
             projected = clusters - weighing.clusters @ coefficients

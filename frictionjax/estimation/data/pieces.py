@@ -21,7 +21,7 @@ _T = TypeVar("_T")
 # Rows: with their derivatives they fill the vector units. A second width would save two recordings a third of their
 # simulations, and compile every structure twice. A filter, whose candidates go side by side, fills them with two.
 _WIDTH, _PAIR = 4, 2
-_SHORTEST, _TIMES = 16384, 4  # samples: lengths are the first times powers of the second
+SHORTEST, _TIMES = 16384, 4  # samples: lengths are the first times powers of the second
 _EARLIER = (
     128  # earlier pieces of motion, sixteen of each of eight recordings: as lengths, in powers of the same
 )
@@ -53,7 +53,7 @@ def pieces_of(lengths: Int[np.ndarray, " r"], *, pairs: bool = False) -> tuple[P
         rows, order = order[:width], order[width:]
         lanes = np.concatenate([rows, np.repeat(rows[-1:], width - rows.size)])
         samples = int(lengths[rows[0]])
-        pieces.append(Piece(rows, lanes, samples, _room(samples, _SHORTEST)))
+        pieces.append(Piece(rows, lanes, samples, _room(samples, SHORTEST)))
     return tuple(pieces)
 
 
@@ -63,6 +63,14 @@ def _room(count: int, least: int) -> int:
     while length < count:
         length *= _TIMES
     return length
+
+
+def lengths_up_to(samples: int) -> list[int]:
+    """The lengths that pieces of recordings of up to so many `samples` may have, in order."""
+    lengths = [SHORTEST]
+    while lengths[-1] < samples:
+        lengths.append(_TIMES * lengths[-1])
+    return lengths
 
 
 def lanes_of(tree: PyTree, piece: Piece) -> PyTree:
