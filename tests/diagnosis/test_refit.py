@@ -10,16 +10,19 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import effect
 
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.refitting.descents import uncoupled
+from frictionjax.diagnosis.refitting import refit
+from frictionjax.diagnosis.refitting.descents import Start, uncoupled
 from frictionjax.diagnosis.refitting.refit import Hints, refit_all
 from frictionjax.diagnosis.refitting.shortlist import absorbed_by_base
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.data.pieces import SHORTEST, pieces_of
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
@@ -134,3 +137,46 @@ def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driv
     assert best.effect == "load_dependence"
     assert float(best.model.judgement.drive.effects[-1].growth) == pytest.approx(GROWTH, rel=0.02)
     assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)
+
+
+class _Ended(SimpleNamespace):
+    """A candidate of the form `form` whose descent ended at this `misfit`."""
+
+    def __init__(self, form, misfit):
+        super().__init__(trial=_masked(form, 0.0, 0.0), fitted=SimpleNamespace(misfit=misfit))
+
+
+def _start_at(best):
+    """A start at a misfit of 1 beside a base model without effects, with this misfit of the `best` before."""
+    base = SimpleNamespace(posterior=SimpleNamespace(drive=SimpleNamespace(effects=())))
+    return Start(base, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
+
+
+@pytest.mark.parametrize(("best", "stay"), [(np.inf, ["A", "B", "C", "D"]), (0.0, ["A", "B", "C"])])
+def test_candidates_are_given_up_behind_the_best_that_was_refitted_before(monkeypatch, best, stay):
+    """The best of these gains 0.5, the last one 0.15: more than a fifth of 0.5 and less than a fifth of 1. Nothing is
+    stuck where another candidate explained all, and none but the first is then near the best."""
+    ends = [_Ended("A", 0.5), _Ended("B", 0.8), _Ended("C", 0.82), _Ended("D", 0.85), _Ended("D", 0.9)]
+    monkeypatch.setattr(refit, "_start", lambda *_: _start_at(best))
+    went_on, again = [], []
+    monkeypatch.setattr(
+        refit, "further", lambda start, end: went_on.append(type(end.trial.form).__name__) or end
+    )
+    monkeypatch.setattr(refit, "at_the_resonance", lambda start, end: again.append(end) or end)
+    monkeypatch.setattr(refit, "with_slow_observer", lambda start, end: end)
+    monkeypatch.setattr(refit, "_longest_first", lambda executor, start, trials: ends)
+    monkeypatch.setattr(refit, "backlash_candidates", lambda trials: [])
+    with ThreadPoolExecutor(1) as executor:
+        found = refit_all(ends, None, {}, executor)
+    assert went_on == stay
+    assert bool(again) == np.isinf(best)
+    assert found[0] is ends[0] and (len(found) == 1) == (best == 0.0)
+
+
+def test_pieces_of_neighbouring_lengths_share_a_length_and_those_far_shorter_do_not():
+    def lengths(*samples, pairs=False):
+        return [piece.length for piece in pieces_of(np.array(samples), pairs=pairs)]
+
+    near, far = [SHORTEST + 1] * 4 + [10], [4 * SHORTEST + 1] * 4 + [10]
+    assert lengths(*near) == [4 * SHORTEST] * 2 and lengths(*far) == [16 * SHORTEST, SHORTEST]
+    assert lengths(*near, pairs=True) == [4 * SHORTEST] * 2 + [SHORTEST]

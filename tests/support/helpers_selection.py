@@ -93,7 +93,7 @@ class Bench:
     def _answer(self):
         return answer_to_force(self._base.posterior, self._base.fitted.vector)
 
-    def related(self, model, names):
+    def related(self, model, names, best=None):
         self.asked.append(names)
         known = [key for key in self.known if SILENT[key].name in names]
         found = [refitted(with_effect(model, key, self.scales), key) for key in known]

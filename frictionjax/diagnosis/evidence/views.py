@@ -130,28 +130,31 @@ def view(judgement: Judgement, scene: Scene) -> View:
     shape = np.asarray(batch.x).shape
     whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}
     # At another sample rate the 0.1 s ahead are another number of samples.
-    for step in np.unique(dt):
-        rows = np.flatnonzero(dt == step)
+    horizons = np.array([ahead_samples(float(step)) for step in dt])
+    for horizon in np.unique(horizons):
+        rows = np.flatnonzero(horizons == horizon)
         length = shape[1] if rows.size == dt.size else int(np.max(batch.lengths[rows]))
-        for name, part in _view_of_rows(judgement, scene, rows, length, float(step)).items():
+        for name, part in _view_of_rows(judgement, scene, rows, length, int(horizon)).items():
             whole[name][rows, :length] = part
     return View(**whole)
 
 
 def _view_of_rows(
-    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, dt: float
+    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, horizon: int
 ) -> dict[str, Float[np.ndarray, "k n"]]:
-    """The fields of a `View` for the recordings `rows`, all sampled at `dt` s, up to `length` samples."""
+    """The fields of a `View` for the recordings `rows`, in all of which the 0.1 s ahead are `horizon` samples, up to
+    `length` samples."""
     batch = rows_of(scene.batch, rows)
+    slowest = float(np.max(np.asarray(batch.dt)))
     gains = observer_gains(scene.bandwidth[rows], batch.dt)
     fields: dict[str, list] = {name: [] for name in ("free", "ahead", "force", "v", "bend", "innovation")}
     pieces = pieces_of(batch.lengths)
     for piece in pieces:
         part = batch.piece(piece)
-        first, bandwidth = np.asarray(batch.x)[piece.lanes, 0], np.asarray(force_bandwidth(dt))
+        first, bandwidth = np.asarray(batch.x)[piece.lanes, 0], np.asarray(force_bandwidth(slowest))
         bent = judgement.deflection[rows][piece.lanes]
         found = _along(judgement.drive, part, lanes_of(gains, piece), bent, first, bandwidth)
-        fields["ahead"].append(_ahead(judgement.drive, found, piece, dt, batch.substeps))
+        fields["ahead"].append(_ahead(judgement.drive, found, piece, part, horizon))
         for name in ("free", "force", "v", "bend", "innovation"):
             fields[name].append(getattr(found, name))
     whole = {
@@ -163,20 +166,20 @@ def _view_of_rows(
     return whole
 
 
-def _ahead(drive: Drive, found: _Along, piece: Piece, dt: float, substeps: int) -> Float[np.ndarray, "w n"]:
-    """Position 0.1 s ahead, as `predict_ahead` has it, along a `piece` of recordings sampled at `dt` s, from what was
-    `found` along it."""
-    horizon = ahead_samples(dt)
+def _ahead(drive: Drive, found: _Along, piece: Piece, batch: Batch, horizon: int) -> Float[np.ndarray, "w n"]:
+    """Position 0.1 s ahead, `horizon` samples, as `predict_ahead` has it, along a `piece` of recordings, the `batch`,
+    from what was `found` along it."""
     stride = int(np.clip(horizon // _RUNS_IN_HORIZON, 1, _ROOM))
     whole = np.array(found.x)
     states = jax.tree.map(np.asarray, found.states)
     for row in range(piece.rows.size):
+        dt = np.asarray(batch.dt)[row]
         push = jax.tree.map(lambda leaf, row=row: np.asarray(leaf)[row], found.push)
         begins = np.arange(0, max(piece.samples - horizon, 0), stride)
         for some in (begins[first : first + _LANES] for first in range(0, begins.size, _LANES)):
             lanes = np.concatenate([some, np.repeat(some[-1:], _LANES - some.size)])
             own = jax.tree.map(lambda leaf, row=row, lanes=lanes: leaf[row][lanes], states)
-            numbers = (np.asarray(dt), *(np.asarray(value) for value in (horizon, stride, substeps)))
+            numbers = tuple(np.asarray(value) for value in (dt, horizon, stride, batch.steps))
             runs = np.asarray(_free_runs(drive, push, own, lanes, *numbers))
             ahead = runs[: some.size, :stride].ravel()
             first = some[0] + horizon

@@ -1,6 +1,7 @@
 """Descents of one candidate: where it starts, and how it goes on."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
@@ -30,15 +31,16 @@ Vector = Float[Numbers, " q"]
 class Start:
     """What all candidates of a round start from.
 
-    **Attributes:** `model` (without them), `fast` (its objective with the fast observer), its `misfit` there, `scales`
-    (the plant's sizes), `graduate` (whether descents begin with a wide loss), `ratio` (part of the inertia that stick
-    lacks, or None), `pair` (antiresonance and resonance, or None), `base_effects` (how many the base model has),
-    `rule`, `effort`.
+    **Attributes:** `model` (without them), `fast` (its objective with the fast observer), its `misfit` there, that of
+    the `best` candidate that was refitted before (infinite where none was), `scales` (the plant's sizes), `graduate`
+    (whether descents begin with a wide loss), `ratio` (part of the inertia that stick lacks, or None), `pair`
+    (antiresonance and resonance, or None), `base_effects` (how many the base model has), `rule`, `effort`.
     """
 
     model: Model
     fast: Posterior
     misfit: float
+    best: float
     scales: dict[str, float]
     graduate: bool
     ratio: float | None
@@ -51,6 +53,10 @@ class Start:
     def has_found(self) -> bool:
         """Whether the model has effects that the base model has not."""
         return len(self.model.posterior.drive.effects) > self.base_effects
+
+    def lowest(self, candidates: Sequence["Candidate"]) -> float:
+        """The lowest misfit of the `candidates` and of the best one before them."""
+        return min(self.best, *(one.fitted.misfit for one in candidates))
 
     def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
         """Objective and vector of the model with the silent effect of the `trial`."""

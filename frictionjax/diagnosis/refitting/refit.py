@@ -1,6 +1,7 @@
 """Refit: the short list of candidates, converged with all parameters free, and judged."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
@@ -59,6 +60,7 @@ def refit_all(
     scales: dict[str, float],
     executor: Executor,
     hints: Hints = Hints(),
+    best: Model | None = None,
     *,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
@@ -78,13 +80,14 @@ def refit_all(
     - `scales`: the plant's sizes.
     - `executor`: runs them side by side.
     - `hints`: where refits may start.
+    - `best`: a candidate that was refitted before: those that fall behind it are given up, too.
     - `rule`: what is unpredictable beside a gap.
     - `effort`: when candidates are given up.
     """
     if not trials:
         return []
-    budget, start = effort.refitting, _start(model, scales, hints, rule, effort)
-    candidates = _longest_first(executor, start, trials)
+    budget, start = effort.refitting, _start(model, scales, hints, best, rule, effort)
+    candidates = _best_of_each_form(_longest_first(executor, start, trials))
     candidates = _foremost(candidates, start, budget.lagging)
     candidates = list(executor.map(lambda one: further(start, one), candidates))
     candidates = _from_other_starts(candidates, trials, start, hints, executor)
@@ -102,17 +105,20 @@ def refit_balanced(
     effort: Effort = Effort(),
 ) -> list[Refitted]:
     """Refits of the forces alone that the force balance asks for, from it; arguments as in `refit_all`."""
-    start = _start(model, scales, hints, rule, effort)
+    start = _start(model, scales, hints, None, rule, effort)
     candidates = list(executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced()))
     return list(executor.map(lambda one: with_slow_observer(start, one), candidates))
 
 
-def _start(model: Model, scales: dict[str, float], hints: Hints, rule: Rule, effort: Effort) -> Start:
+def _start(
+    model: Model, scales: dict[str, float], hints: Hints, best: Model | None, rule: Rule, effort: Effort
+) -> Start:
     fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
     return Start(
         model=model,
         fast=fast,
         misfit=float(fast.misfits([model.fitted.vector])[0]),
+        best=math.inf if best is None else _with_fast_observer(best),
         scales=scales,
         # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
         graduate=model.posterior.batch.imposed,
@@ -124,6 +130,11 @@ def _start(model: Model, scales: dict[str, float], hints: Hints, rule: Rule, eff
     )
 
 
+def _with_fast_observer(model: Model) -> float:
+    """The misfit of the `model` with the fast observer."""
+    return float(model.posterior.at_bandwidth(FAST_BANDWIDTH).misfits([model.fitted.vector])[0])
+
+
 def _from_other_starts(
     candidates: list[Candidate], trials: list[Trial], start: Start, hints: Hints, executor: Executor
 ) -> list[Candidate]:
@@ -132,14 +143,14 @@ def _from_other_starts(
     budget = start.effort.refitting
     most = budget.left * start.misfit
     # A model that has effects already has left the minimum that the base model came to rest in.
-    stuck = min(one.fitted.misfit for one in candidates) > most and start.misfit > budget.far
+    stuck = start.lowest(candidates) > most and start.misfit > budget.far
     if stuck and not start.has_found:
         candidates = _foremost(candidates, start, budget.near)
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
         balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced())
         candidates = candidates + list(absorbed) + list(balanced)
-    if stuck and min(one.fitted.misfit for one in candidates) > most:
+    if stuck and start.lowest(candidates) > most:
         gaps = backlash_candidates(trials)
         if start.ratio is not None:
             gaps += [t for t in hints.gaps if t.effect not in {other.effect for other in gaps}]
@@ -152,17 +163,23 @@ def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]
     """Those of the `candidates` that go on with the slow observer: near the best gain, the best of each form."""
     budget = start.effort.refitting
     gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
-    if start.has_found and gains.max() < budget.hopeless * start.misfit:
-        # One of them goes on, to be shown; none will be named beside the effects that are.
-        best = int(np.argmax(gains))
-        candidates, gains = [candidates[best]], gains[best:][:1]
-    # A form may have started from two places: the better end goes on.
-    better: dict[str, tuple[float, Candidate]] = {}
-    for one, gain in zip(candidates, gains, strict=True):
+    most = start.misfit - start.lowest(candidates)
+    hopeless = start.has_found and most < budget.hopeless * start.misfit
+    if hopeless or gains.max() <= budget.near * most:
+        # One of them goes on, to be shown: none will be named.
+        return [candidates[int(np.argmax(gains))]]
+    chosen = [one for one, gain in zip(candidates, gains, strict=True) if gain > budget.near * most]
+    return _best_of_each_form(chosen)
+
+
+def _best_of_each_form(candidates: list[Candidate]) -> list[Candidate]:
+    """The `candidates` without those of a form that started from another place, too, and ended better there."""
+    best: dict[str, Candidate] = {}
+    for one in candidates:
         form = type(one.trial.form).__name__
-        if gain > budget.near * gains.max() and (form not in better or gain > better[form][0]):
-            better[form] = gain, one
-    return [one for _, one in better.values()]
+        if form not in best or one.fitted.misfit < best[form].fitted.misfit:
+            best[form] = one
+    return list(best.values())
 
 
 def _longest_first(executor: Executor, start: Start, trials: list[Trial]) -> list[Candidate]:
@@ -176,7 +193,7 @@ def _longest_first(executor: Executor, start: Start, trials: list[Trial]) -> lis
 def _foremost(candidates: list[Candidate], start: Start, part: float) -> list[Candidate]:
     """Those that gain more than `part` of what the best one gains on the misfit at the `start`, and the first few."""
     order = sorted(range(len(candidates)), key=lambda number: candidates[number].fitted.misfit)
-    most = start.misfit - candidates[order[0]].fitted.misfit
+    most = start.misfit - start.lowest(candidates)
     return [
         candidates[number]
         for place, number in enumerate(order)

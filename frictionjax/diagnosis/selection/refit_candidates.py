@@ -113,21 +113,24 @@ class Candidates:
             return [], []
         best, inside = refits[0], {type(effect).name for effect in model.posterior.drive.effects}
         names = confused_with(best.effect) - inside - self.barred - {one.effect for one in refits}
-        return self.related(_without(best, model), names) if names else ([], [])
+        return self.related(_without(best, model), names, best.model) if names else ([], [])
 
     def _asked_for(self, trials: list[Trial]) -> list[tuple[Trial, Balanced]]:
         """Those of the `trials` that the force balance asks for, each with what it says."""
         of_form = {type(trial.form): trial for trial in trials}
         return [(of_form[type(one.effect)], one) for one in self.balanced() if type(one.effect) in of_form]
 
-    def related(self, model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
-        """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`."""
+    def related(
+        self, model: Model, names: frozenset[str], best: Model | None = None
+    ) -> tuple[list[Trial], list[Refitted]]:
+        """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`;
+        `best` as in `refit_all`."""
         without = self.without | (frozenset(catalogue()) - names)
         tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
         chosen = [one for some in tried for one in one_of_each(some) if np.isfinite(one.gain)]
         hints = Hints(self.pair, base_effects=self.base_effects)
         refits = refit_all(
-            chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
+            chosen, model, self.scales, self.executor, hints, best, rule=self.rule, effort=self.effort
         )
         return [trial for some in tried for trial in some], refits
 

@@ -43,8 +43,10 @@ class Refits(Protocol):
         """As `Candidates.beside`, of the `model` and the `number`."""
         ...
 
-    def related(self, model: Model, names: frozenset[str]) -> tuple[list[Trial], list[Refitted]]:
-        """As `Candidates.related`, of the `model` and the `names`."""
+    def related(
+        self, model: Model, names: frozenset[str], best: Model | None = None
+    ) -> tuple[list[Trial], list[Refitted]]:
+        """As `Candidates.related`, of the `model`, the `names` and the `best`."""
         ...
 
 
@@ -151,7 +153,7 @@ class RefittedTables:
         others = [number for number in range(len(chain)) if number != place]
         rest = with_some(self._made[chain[0].table.key].before, full, others, self._scales)
         inside = {type(effect).name for effect in rest.posterior.drive.effects}
-        trials, refits = self._refits.related(rest, confused_with(own.row.effect) - inside)
+        trials, refits = self._refits.related(rest, confused_with(own.row.effect) - inside, full)
         asked = asked_of_move("swap", chain, place)
         self._rest[asked] = rest
         incumbent = Refitted(self.accepted(own).trial, full)
@@ -172,7 +174,7 @@ class RefittedTables:
         refitted = Refitted(self.accepted(own).trial, rest)
         passed = [t for t in self._made[own.table.key].trials if t.effect == refitted.effect]
         trials = self._made[chain[0].table.key].trials + passed
-        tests, rivals = self._refits.related(model, frozenset(own.rivals)) if own.rivals else ([], [])
+        tests, rivals = self._refits.related(model, frozenset(own.rivals), rest) if own.rivals else ([], [])
         asked = asked_of_rebuilt(chain, place, number, swap)
         trials = with_tests(trials, tests)
         return self.compared(asked, model, trials, [refitted, *rivals], before=self._floor_of(before))

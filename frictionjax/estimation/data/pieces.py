@@ -2,8 +2,9 @@
 length.
 
 A piece has four rows, the last of them repeated where there are fewer recordings, and as many samples as the next of a
-few lengths; loops along it end where its longest recording does (`simulation/samples.py`). What is computed
-of the pieces is cut to size and put together by NumPy.
+few lengths; loops along it end where its longest recording does (`simulation/samples.py`), so that pieces of
+neighbouring lengths take the longer one, and one program, at little cost. What is computed of the pieces is cut to size
+and put together by NumPy.
 """
 
 import weakref
@@ -47,13 +48,17 @@ class Run(NamedTuple):
 
 def pieces_of(lengths: Int[np.ndarray, " r"], *, pairs: bool = False) -> tuple[Piece, ...]:
     """The pieces of recordings that have so many samples, those of about one length together; `pairs`: of two rows."""
-    order, pieces = np.argsort(-lengths, kind="stable"), []
+    order, pieces, length = np.argsort(-lengths, kind="stable"), [], 0
     while order.size:
         width = _PAIR if pairs else _WIDTH
         rows, order = order[:width], order[width:]
         lanes = np.concatenate([rows, np.repeat(rows[-1:], width - rows.size)])
         samples = int(lengths[rows[0]])
-        pieces.append(Piece(rows, lanes, samples, _room(samples, SHORTEST)))
+        own = _room(samples, SHORTEST)
+        # A filter keeps so much of each sample that room for more would cost it more than a program.
+        if pairs or own * _TIMES != length:
+            length = own
+        pieces.append(Piece(rows, lanes, samples, length))
     return tuple(pieces)
 
 
