@@ -20,7 +20,8 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
-from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
+from frictionjax.diagnosis.evidence.recording_fits import recording_fits
+from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.diagnosis.findings.as_given import view_as_given
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of

@@ -132,6 +132,21 @@ class Unmeasured:
 
 
 @dataclass(frozen=True)
+class Horizon:
+    """How far two models are off when they predict the position `seconds` ahead from what was measured until then; over
+    the whole recording, from its first sample.
+
+    **Attributes:** `seconds` (s), `base`, `extended` (root mean square errors of the two models, position units),
+    `standstill` (that of predicting that the machine stays where it is: a model that is worse says nothing).
+    """
+
+    seconds: float
+    base: float
+    extended: float
+    standstill: float
+
+
+@dataclass(frozen=True)
 class Ceiling:
     """How much a force that is free in what is known at each instant would explain beside the last model.
 
@@ -183,8 +198,10 @@ class RecordingFit(eqx.Module):
     lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
     errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
     `prediction_rmse_extended`, and those of the user's own model as it was given, `free_run_rmse_given` and
-    `prediction_rmse_given` (None where the case does not give all of it). With `drive = "motion"` the four model
-    columns and the errors are those of the force, in force units, and `force` is the measured one.
+    `prediction_rmse_given` (None where the case does not give all of it); `horizons` (errors one sample, 0.1 s and 1 s
+    ahead, and over the whole recording); and the part of the residual force that noise does not explain,
+    `unmeasured_base` and `unmeasured_extended`. With `drive = "motion"` the four model columns and the errors are those
+    of the force, in force units, `force` is the measured one, and there are no `horizons`.
     """
 
     name: str = eqx.field(static=True)
@@ -208,6 +225,9 @@ class RecordingFit(eqx.Module):
     force: Float[np.ndarray, " n"] | None = None
     free_run_rmse_given: float | None = eqx.field(static=True, default=None)
     prediction_rmse_given: float | None = eqx.field(static=True, default=None)
+    horizons: tuple[Horizon, ...] = eqx.field(static=True, default=())
+    unmeasured_base: Unmeasured | None = eqx.field(static=True, default=None)
+    unmeasured_extended: Unmeasured | None = eqx.field(static=True, default=None)
 
 
 class Diagnosis(AbstractDisplayed):

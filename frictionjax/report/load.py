@@ -20,6 +20,7 @@ from frictionjax.diagnosis.verdict import (
     Candidate,
     Ceiling,
     Diagnosis,
+    Horizon,
     MismatchBin,
     MissingEffect,
     NextExperiment,
@@ -198,9 +199,13 @@ def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) 
             f"{kind}_given": entry.table("given").number(kind)
             for kind in ("free_run_rmse", "prediction_rmse")
         }
+    horizons = entry.listed("horizons") if "horizons" in entry.content else []
     return RecordingFit(
         name=name,
         role=cast(Any, role),
+        horizons=tuple(Horizon(**_numbered(one.content)) for one in horizons),
+        unmeasured_base=_if_there(entry.table("base"), "unmeasured_force", Unmeasured),
+        unmeasured_extended=_if_there(entry.table("extended"), "unmeasured_force", Unmeasured),
         drive="motion" if "force" in columns else "force",
         residual_force_extended=np.array([_number(force) for force in left]),
         noise_floor=entry.number("noise_floor"),

@@ -256,12 +256,16 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
         "base": {
             "free_run_rmse": recording.free_run_rmse_base,
             "prediction_rmse": recording.prediction_rmse_base,
+            "unmeasured_force": recording.unmeasured_base and dataclasses.asdict(recording.unmeasured_base),
         },
         "extended": {
             "free_run_rmse": recording.free_run_rmse_extended,
             "prediction_rmse": recording.prediction_rmse_extended,
+            "unmeasured_force": recording.unmeasured_extended
+            and dataclasses.asdict(recording.unmeasured_extended),
         },
         **given,
+        "horizons": [dataclasses.asdict(horizon) for horizon in recording.horizons],
     }
 
 

@@ -16,7 +16,8 @@ from frictionjax.diagnosis.evidence.judgement import (
     left_over,
 )
 from frictionjax.diagnosis.evidence.noise_floor import colour
-from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
+from frictionjax.diagnosis.evidence.recording_fits import recording_fits
+from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import Ending, Fitted
 from frictionjax.estimation.objective.misfit import losses_of
@@ -249,7 +250,29 @@ def test_views_and_errors_are_those_of_the_recordings(judged, small):
             assert errors == pytest.approx(np.sqrt(np.mean((model - recording.x) ** 2)))
         # The true model predicts a tenth of a second ahead to a few times the noise.
         assert fit.prediction_rmse_extended < 20.0 * fit.noise_floor
+        # One sample, 0.1 s and 1 s ahead, and the whole recording, as far as it is twice as long.
+        seconds = [horizon.seconds for horizon in fit.horizons]
+        own = [
+            one for one in (1.0 / recording.sample_rate, 0.1, 1.0) if 2.0 * one <= n / recording.sample_rate
+        ]
+        assert seconds == pytest.approx([*own, recording.t[-1] - recording.t[0]])
+        step, tenth, whole = fit.horizons[0], fit.horizons[1], fit.horizons[-1]
+        assert tenth.base == fit.prediction_rmse_base and whole.extended == fit.free_run_rmse_extended
+        moved = recording.x[round(0.1 * recording.sample_rate) :]
+        moved = moved - recording.x[: moved.size]
+        assert tenth.standstill == pytest.approx(np.sqrt(np.mean(moved**2)))
+        # One sample ahead the true model is off by the noise of that sample, and by little more.
+        assert 0.8 * fit.noise_floor < step.extended < 2.0 * fit.noise_floor
+        assert step.extended < tenth.standstill or fit.noise_floor > tenth.standstill
     others = fits[-1]
+    # The base model has 5 % too much Coulomb friction, which acts where the machine slides, and in part around it; the
+    # extended one is the truth.
+    moving = np.mean(np.abs(np.gradient(others.x, others.t)) > 0.05)
+    assert others.unmeasured_base.of_coulomb == pytest.approx(0.05 * np.sqrt(moving), rel=0.25)
+    assert others.unmeasured_base.of_coulomb > 5.0 * others.unmeasured_extended.of_coulomb
+    assert others.unmeasured_base.force == pytest.approx(
+        others.unmeasured_base.of_coulomb * float(PLANT.friction.Fc), rel=1e-9
+    )
     assert others.prediction_rmse_base > 20.0 * others.prediction_rmse_extended
     # The residual force is the friction that is too much: base minus truth, against the motion.
     sliding = np.abs(np.gradient(others.x, others.t)) > 0.3

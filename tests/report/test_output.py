@@ -77,9 +77,13 @@ def test_verdict_has_the_schema_of_the_contract(tmp_path):
     assert {"value", "stderr", "unit"} <= set(verdict["base"]["parameters"]["J"])
     assert "maxwell_slip.share" in verdict["extended"]["parameters"]
     fit = verdict["fit"]["holdout_stick"]
-    assert set(fit) == {"role", "noise_floor", "base", "extended", "file"}
+    assert set(fit) == {"role", "noise_floor", "base", "extended", "horizons", "file"}
+    assert [set(one) for one in fit["horizons"]] == [{"seconds", "base", "extended", "standstill"}] * 3
+    assert fit["base"]["unmeasured_force"] == {"force": 0.08, "of_coulomb": 0.16, "of_applied": 0.3}
     assert fit["file"] == "fit/holdout_stick.csv"
-    assert set(fit["base"]) == set(fit["extended"]) == {"free_run_rmse", "prediction_rmse"}
+    assert (
+        set(fit["base"]) == set(fit["extended"]) == {"free_run_rmse", "prediction_rmse", "unmeasured_force"}
+    )
     assert fit["base"]["prediction_rmse"] > 5 * fit["extended"]["prediction_rmse"]
     assert {"effect", "p_value", "minimum_detectable", "tested", "reason"} <= set(verdict["candidates"][0])
     assert {"total", "compile"} <= set(verdict["seconds"])

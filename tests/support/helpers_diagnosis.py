@@ -6,10 +6,12 @@ from frictionjax.core import Estimate
 from frictionjax.diagnosis.verdict import (
     Candidate,
     Diagnosis,
+    Horizon,
     MismatchBin,
     MissingEffect,
     RecordingFit,
     Unexplained,
+    Unmeasured,
     Within,
 )
 from frictionjax.recordings import Plant
@@ -67,6 +69,15 @@ def fake_recording(
         prediction_rmse_extended=rmse(predicted_extended),
         drive=drive,
         force=0.5 * np.sin(phase) if drive == "motion" else None,
+        horizons=()
+        if drive == "motion"
+        else (
+            Horizon(1.0 / sample_rate, 1.2e-7, 1.1e-7, 1e-6),
+            Horizon(0.1, rmse(predicted_base), rmse(predicted_extended), 1e-4),
+            Horizon(float(t[-1]), rmse(free_base), float("inf"), 1e-3),
+        ),
+        unmeasured_base=Unmeasured(0.08, 0.16, 0.3),
+        unmeasured_extended=Unmeasured(0.08 * share, 0.16 * share, 0.3 * share),
     )
 
 

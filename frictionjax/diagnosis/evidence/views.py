@@ -10,21 +10,18 @@ from jaxtyping import Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
-from frictionjax.diagnosis.evidence.imposed_views import smoothing_width, view_of_forces
+from frictionjax.diagnosis.evidence.imposed_views import view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
-from frictionjax.diagnosis.verdict import RecordingFit
 from frictionjax.estimation.data.batch import Batch, rows_of
 from frictionjax.estimation.data.pieces import Piece, lanes_of, pieces_of, put_together
 from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import Before
-from frictionjax.recordings import Recording
 from frictionjax.simulation import (
     Gains,
     innovation_gain,
     observe,
     observer_gains,
     residual_force,
-    residual_force_std,
 )
 from frictionjax.simulation.fixed import run_free
 from frictionjax.simulation.observer import corrected_states
@@ -39,9 +36,9 @@ _LANES, _ROOM = 256, 64  # free runs side by side, and samples that are kept of 
 
 class View(eqx.Module):
     """One model's predictions of all recordings, arrays of shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the
-    position, or of the force where the motion is imposed; residual `force`; and the observer's `v`, `bend` (|z| over
+    position, or of the force where the motion is imposed; residual `force`; the observer's `v`, `bend` (|z| over
     Fs/sigma0) and standardised innovations `e` (where the motion is imposed: velocity, bend and standardised errors of
-    the run)."""
+    the run); and the position by `one_sample` and by `one_second` ahead (None where the motion is imposed)."""
 
     free: Float[np.ndarray, "r n"]
     ahead: Float[np.ndarray, "r n"]
@@ -49,6 +46,8 @@ class View(eqx.Module):
     v: Float[np.ndarray, "r n"]
     bend: Float[np.ndarray, "r n"]
     e: Float[np.ndarray, "r n"]
+    one_sample: Float[np.ndarray, "r n"] | None = None
+    one_second: Float[np.ndarray, "r n"] | None = None
 
 
 class _Along(eqx.Module):
@@ -147,7 +146,8 @@ def _view_of_rows(
     batch = rows_of(scene.batch, rows)
     slowest = float(np.max(np.asarray(batch.dt)))
     gains = observer_gains(scene.bandwidth[rows], batch.dt)
-    fields: dict[str, list] = {name: [] for name in ("free", "ahead", "force", "v", "bend", "innovation")}
+    names = ("free", "ahead", "one_second", "force", "v", "bend", "innovation")
+    fields: dict[str, list] = {name: [] for name in names}
     pieces = pieces_of(batch.lengths)
     for piece in pieces:
         part = batch.piece(piece)
@@ -155,6 +155,7 @@ def _view_of_rows(
         bent = judgement.deflection[rows][piece.lanes]
         found = _along(judgement.drive, part, lanes_of(gains, piece), bent, first, bandwidth)
         fields["ahead"].append(_ahead(judgement.drive, found, piece, part, horizon))
+        fields["one_second"].append(_ahead(judgement.drive, found, piece, part, round(1.0 / slowest)))
         for name in ("free", "force", "v", "bend", "innovation"):
             fields[name].append(getattr(found, name))
     whole = {
@@ -162,12 +163,13 @@ def _view_of_rows(
         for name, parts in fields.items()
     }
     unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
+    whole["one_sample"] = np.asarray(batch.x)[:, :length] - whole["innovation"]
     whole["e"] = whole.pop("innovation") / unit * np.asarray(batch.valid)[:, :length]
     return whole
 
 
 def _ahead(drive: Drive, found: _Along, piece: Piece, batch: Batch, horizon: int) -> Float[np.ndarray, "w n"]:
-    """Position 0.1 s ahead, `horizon` samples, as `predict_ahead` has it, along a `piece` of recordings, the `batch`,
+    """Position `horizon` samples ahead, as `predict_ahead` has it, along a `piece` of recordings, the `batch`,
     from what was `found` along it."""
     stride = int(np.clip(horizon // _RUNS_IN_HORIZON, 1, _ROOM))
     whole = np.array(found.x)
@@ -208,70 +210,3 @@ def ahead_samples(dt: float) -> int:
 def force_bandwidth(dt: float) -> float:
     """Bandwidth of the residual force at samples of `dt` s, Hz."""
     return min(_FORCE_BANDWIDTH, 0.05 / dt)
-
-
-def _rmse(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
-    value = float(np.sqrt(np.mean((model - measured) ** 2)))
-    return value if np.isfinite(value) else float("inf")
-
-
-def recording_fits(
-    recordings: tuple[Recording, ...],
-    scene: Scene,
-    base: View,
-    extended: View,
-    base_drive: Drive,
-    given: View | None = None,
-) -> tuple[RecordingFit, ...]:
-    """One `RecordingFit` per recording.
-
-    **Arguments:**
-
-    - `recordings`: in the order of the scene.
-    - `scene`: the same recordings, in arrays.
-    - `base`, `extended`: what the two models predict.
-    - `base_drive`: for the standard deviation of the residual force.
-    - `given`: what the user's own model predicts, as it was given; None where there is none.
-    """
-    fits = []
-    for row, recording in enumerate(recordings):
-        n = recording.x.size
-        noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
-        if recording.drive == "motion":
-            # Imposed motions of all rates have the horizon and the smoothing of the lowest rate.
-            slowest = float(np.max(np.asarray(scene.batch.dt)))
-            measured, horizon = np.asarray(recording.force), ahead_samples(slowest)
-            std = noise / np.sqrt(smoothing_width(force_bandwidth(slowest), dt))
-        else:
-            measured, horizon = recording.x, ahead_samples(dt)
-            std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
-        # Nothing is predicted before the first horizon has passed.
-        scored = slice(horizon, n)
-        fits.append(
-            RecordingFit(
-                name=recording.name,
-                role=recording.role,
-                t=recording.t,
-                u=recording.u,
-                x=recording.x,
-                free_base=base.free[row, :n],
-                free_extended=extended.free[row, :n],
-                predicted_base=base.ahead[row, :n],
-                predicted_extended=extended.ahead[row, :n],
-                residual_force=base.force[row, :n],
-                residual_force_extended=extended.force[row, :n],
-                residual_force_std=np.full(n, std),
-                noise_floor=noise,
-                free_run_rmse_base=_rmse(base.free[row, :n], measured),
-                free_run_rmse_extended=_rmse(extended.free[row, :n], measured),
-                prediction_rmse_base=_rmse(base.ahead[row, scored], measured[scored]),
-                prediction_rmse_extended=_rmse(extended.ahead[row, scored], measured[scored]),
-                drive=recording.drive,
-                force=recording.force if recording.drive == "motion" else None,
-                free_run_rmse_given=None if given is None else _rmse(given.free[row, :n], measured),
-                prediction_rmse_given=None
-                if given is None
-                else _rmse(given.ahead[row, scored], measured[scored]),
-            )
-        )
-    return tuple(fits)

@@ -3,7 +3,8 @@
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.views import View, recording_fits
+from frictionjax.diagnosis.evidence.recording_fits import recording_fits
+from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case

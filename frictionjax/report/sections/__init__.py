@@ -6,6 +6,7 @@ from frictionjax.report.sections.comparison import Comparison, Errors
 from frictionjax.report.sections.friction import Friction
 from frictionjax.report.sections.glossary import Glossary
 from frictionjax.report.sections.headline import Headline
+from frictionjax.report.sections.horizons import Horizons
 from frictionjax.report.sections.mismatch import Mismatch
 from frictionjax.report.sections.missing import Missing
 from frictionjax.report.sections.parameters import Parameters
@@ -20,6 +21,7 @@ SECTIONS: tuple[AbstractSection, ...] = (
     Residual(),
     Mismatch(),
     Errors(),
+    Horizons(),
     Parameters(),
     Candidates(),
     Record(),

@@ -1,0 +1,79 @@
+"""What base and extended model make of each recording."""
+
+import numpy as np
+
+from frictionjax.diagnosis.evidence.horizons import horizons_of, lacking_force, rms_error
+from frictionjax.diagnosis.evidence.imposed_views import smoothing_width
+from frictionjax.diagnosis.evidence.judgement import Scene
+from frictionjax.diagnosis.evidence.views import View, ahead_samples, force_bandwidth
+from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.physics import Drive
+from frictionjax.recordings import Recording
+from frictionjax.simulation import residual_force_std
+
+
+def recording_fits(
+    recordings: tuple[Recording, ...],
+    scene: Scene,
+    base: View,
+    extended: View,
+    base_drive: Drive,
+    given: View | None = None,
+) -> tuple[RecordingFit, ...]:
+    """One `RecordingFit` per recording.
+
+    **Arguments:**
+
+    - `recordings`: in the order of the scene.
+    - `scene`: the same recordings, in arrays.
+    - `base`, `extended`: what the two models predict.
+    - `base_drive`: for the standard deviation of the residual force.
+    - `given`: what the user's own model predicts, as it was given; None where there is none.
+    """
+    fits = []
+    for row, recording in enumerate(recordings):
+        n = recording.x.size
+        noise, dt = float(scene.batch.noise[row]), 1.0 / recording.sample_rate
+        if recording.drive == "motion":
+            # Imposed motions of all rates have the horizon and the smoothing of the lowest rate.
+            slowest = float(np.max(np.asarray(scene.batch.dt)))
+            measured, horizon = np.asarray(recording.force), ahead_samples(slowest)
+            std = noise / np.sqrt(smoothing_width(force_bandwidth(slowest), dt))
+            applied = measured
+        else:
+            measured, horizon = recording.x, ahead_samples(dt)
+            std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
+            applied = float(base_drive.motor_constant) * recording.u
+        # Nothing is predicted before the first horizon has passed.
+        scored = slice(horizon, n)
+        fits.append(
+            RecordingFit(
+                name=recording.name,
+                role=recording.role,
+                t=recording.t,
+                u=recording.u,
+                x=recording.x,
+                free_base=base.free[row, :n],
+                free_extended=extended.free[row, :n],
+                predicted_base=base.ahead[row, :n],
+                predicted_extended=extended.ahead[row, :n],
+                residual_force=base.force[row, :n],
+                residual_force_extended=extended.force[row, :n],
+                residual_force_std=np.full(n, std),
+                horizons=horizons_of(recording, row, base, extended),
+                unmeasured_base=lacking_force(base.force[row, :n], std, applied, base_drive),
+                unmeasured_extended=lacking_force(extended.force[row, :n], std, applied, base_drive),
+                noise_floor=noise,
+                free_run_rmse_base=rms_error(base.free[row, :n], measured),
+                free_run_rmse_extended=rms_error(extended.free[row, :n], measured),
+                prediction_rmse_base=rms_error(base.ahead[row, scored], measured[scored]),
+                prediction_rmse_extended=rms_error(extended.ahead[row, scored], measured[scored]),
+                drive=recording.drive,
+                force=recording.force if recording.drive == "motion" else None,
+                free_run_rmse_given=None if given is None else rms_error(given.free[row, :n], measured),
+                prediction_rmse_given=None
+                if given is None
+                else rms_error(given.ahead[row, scored], measured[scored]),
+            )
+        )
+    return tuple(fits)
