@@ -93,6 +93,17 @@ assert not {{"jax", "numpy", "matplotlib"}} & set(sys.modules)
     assert "frictionjax" in done.stdout
 
 
+def test_parts_of_scipy_that_take_a_second_are_loaded_when_they_are_needed():
+    code = """
+import sys
+import frictionjax.diagnosis, frictionjax.report.recordings
+loaded = {"scipy.signal", "scipy.stats", "diffrax", "optimistix"} & set(sys.modules)
+assert not loaded, loaded
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

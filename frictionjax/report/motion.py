@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.signal import savgol_coeffs
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.mismatch_map.history import last_rest, since_reversal
@@ -109,4 +109,4 @@ def _noise_of_velocity(recording: RecordingFit, plant: Plant, rate: float) -> fl
     step = (plant.encoder_step or 0.0) / math.sqrt(12.0)
     noise = step if recording.drive == "motion" else max(step, recording.noise_floor)
     window = min(max(round(WINDOWS[0] * rate) | 1, 7), (recording.x.size - 1) | 1)
-    return noise * float(np.linalg.norm(savgol_coeffs(window, 3, deriv=1, delta=1.0 / rate)))
+    return noise * float(np.linalg.norm(scipy.signal.savgol_coeffs(window, 3, deriv=1, delta=1.0 / rate)))

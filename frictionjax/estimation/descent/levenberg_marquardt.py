@@ -9,8 +9,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import solve_triangular
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
 from frictionjax.estimation.descent.stepper import Ending, Stepper
@@ -56,7 +56,7 @@ def _triangular(
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradient)):
         try:
             factor = np.linalg.cholesky(hessian)
-            return factor, solve_triangular(factor, gradient, lower=True)
+            return factor, scipy.linalg.solve_triangular(factor, gradient, lower=True)
         except np.linalg.LinAlgError:  # not positive definite
             pass
     return np.full(hessian.shape, np.nan), np.full(gradient.shape, np.nan)
