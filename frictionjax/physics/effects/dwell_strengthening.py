@@ -18,6 +18,8 @@ from frictionjax.physics.effects.base import (
 )
 from frictionjax.physics.lugre import LuGre
 
+# Contacts that age faster than this are as old at every rest, and in sliding make a Stribeck curve: another effect.
+_SHORTEST = 0.01  # s
 _CONFUSED = ("stribeck_shape", "nonlinear_bristle", "creep")
 _SHOWS = "break-away after rests of different length"
 _SPLIT = "the same break-away ramp after rests of 0.1, 1 and 10 s"
@@ -73,7 +75,7 @@ class DwellStrengthening(AbstractStateEffect, AbstractLevelEffect):
             "s",
             "age where the growth sets in",
             "log",
-            lower=1e-4,
+            lower=_SHORTEST,
             upper=100.0,
             grid=(0.01, 0.1, 1.0),
         ),
@@ -126,7 +128,7 @@ class SaturatingStrengthening(AbstractStateEffect, AbstractLevelEffect):
         ),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("time", "s", "time constant", "log", lower=1e-3, upper=100.0, grid=(0.1, 1.0)),
+        Parameter("time", "s", "time constant", "log", lower=_SHORTEST, upper=100.0, grid=(0.1, 1.0)),
     )
 
     def relax(self, friction: LuGre, now: Now) -> tuple[Float[Array, " states"], Float[Array, " states"]]:
