@@ -23,7 +23,7 @@ def improvement(diagnosis: Diagnosis) -> str:
     plant, imposed = diagnosis.plant, judged[0].drive == "motion"
     unit = plant.force_unit if imposed else plant.position_unit
     before, after = (_rms(judged, f"prediction_rmse_{model}") for model in ("base", "extended"))
-    lacks = _lacking(judged, "residual_force"), _lacking(judged, "residual_force_extended")
+    lacks = _lacking(judged, "base"), _lacking(judged, "extended")
     of_what = "the friction force" if imposed else "the position"
     if not is_extended(diagnosis):
         (error,), (force,) = quantities([before], unit, 2), quantities([lacks[0]], plant.force_unit, 2)
@@ -136,17 +136,14 @@ def _rms(recordings: list[RecordingFit], name: str) -> float:
     return float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in recordings])))
 
 
-def _lacking(recordings: list[RecordingFit], name: str) -> float:
-    """Root mean square of a residual force, each recording with the same weight."""
-    powers = [
-        np.square(force[np.isfinite(force)]) for one in recordings if (force := getattr(one, name)).size
-    ]
-    means = [float(np.mean(power)) for power in powers if power.size]
-    return math.sqrt(float(np.mean(means))) if means else math.nan
+def _lacking(recordings: list[RecordingFit], model: str) -> float:
+    """The force that a `model` lacks, root mean square, each recording with the same weight; not a number where a
+    result of an earlier version does not say."""
+    found = [getattr(one, f"unmeasured_{model}") for one in recordings]
+    return math.nan if None in found else math.sqrt(float(np.mean([one.force**2 for one in found])))
 
 
 def force_lacking(recording: RecordingFit, unit: str, extended: bool) -> tuple[str, str | None]:
-    """The residual force of base and extended model in one recording, root mean square, as text in the force `unit`."""
-    names = ("residual_force", "residual_force_extended")
-    before, after = quantities([_lacking([recording], name) for name in names], unit, 2)
+    """The force that base and extended model lack in one recording, root mean square, as text in the force `unit`."""
+    before, after = quantities([_lacking([recording], model) for model in ("base", "extended")], unit, 2)
     return before, after if extended else None

@@ -1,16 +1,18 @@
 """What the report says in words: how much better, what next, what remains; and what the parameters mean."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.verdict import Candidate, Ceiling, MissingEffect, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, Ceiling, Horizon, MissingEffect, Unexplained, Unmeasured
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.headline import Headline, limiting
+from frictionjax.report.sections.horizons import Horizons
 from frictionjax.report.sections.record import Record
 from frictionjax.report.sentences import badge, improvement, next_step, remainder
 
@@ -25,7 +27,7 @@ def _alone(**changes):
 def test_the_improvement_has_units_of_position_and_force():
     held = replace(
         fake_recording(n=4), prediction_rmse_base=1.2e-6, prediction_rmse_extended=1.5e-7,
-        residual_force=3e-2 * (fake_recording(n=4).t * 0 + 1), residual_force_extended=0 * fake_recording(n=4).t - 2e-3,
+        unmeasured_base=Unmeasured(3e-2, 1.0, 1.0), unmeasured_extended=Unmeasured(2e-3, 0.1, 0.1),
     )  # fmt: skip
     said = improvement(_alone(recordings=(held,)))
     assert said == (
@@ -154,3 +156,28 @@ def test_a_card_shows_what_the_parameters_mean():
     assert "0.0500 ± 0.0010 N·m (amplitude of the wave)" in body
     assert "deg (phase of the wave" in body
     assert "km u - F - sine sin(2 pi x/period)" in body
+
+
+def test_each_horizon_has_its_column_and_each_recording_its_own():
+    longer = (
+        Horizon(0.002, 2e-7, 1e-7, 1e-6),
+        Horizon(0.1, 4e-6, 2e-6, 1e-4),
+        Horizon(1.0, 5e-6, 3e-6, 2e-3),
+    )
+    first = replace(fake_recording(n=40), name="long", horizons=(*longer, Horizon(7.5, 6e-6, math.inf, 3e-3)))
+    second = replace(
+        fake_recording(n=40), name="short", horizons=(longer[0], Horizon(0.15, 7e-6, 4e-6, 1e-3))
+    )
+    pushed = replace(fake_recording(n=40, drive="motion"), name="pushed", unmeasured_base=None)
+    page = str(Horizons().body(_alone(recordings=(first, second, pushed))))
+    rows = re.findall(r"<tr>(.*?)</tr>", page, re.S)
+    found = [re.findall(r"<t[hd].*?</t[hd]>", row, re.S) for row in rows]
+    head, *cells = ([re.sub(r"\s*<[^>]+>\s*", " ", cell).split() for cell in row] for row in found)
+    assert [" ".join(words) for words in head] == [
+        *("recording", "one sample ahead", "0.1 s ahead", "1 s ahead", "whole recording"),
+        *("lacking force", "of the applied force"),
+    ]
+    assert " ".join(cells[0][1]) == "0.200 µrad → 0.100 µrad (1.00 µrad)"
+    assert "–" in cells[0][4] and "(3.00" in cells[0][4]  # a run that overflows
+    assert cells[1][2:4] == [["–"], ["–"]] and "(1.00" in cells[1][4]  # shorter than twice 0.1 s
+    assert cells[2][1:] == [["–"]] * 6
