@@ -324,3 +324,12 @@ def test_effects_of_one_slot_act_one_after_the_other():
     loads = TABLE_I.with_effects(effect("ConstantLoad", load=0.2), effect("ReturnSpring", stiffness=50.0))
     expected = 0.4 * 0.01 + 0.2 + 50.0 * 1.3e-4
     assert float(loads.parallel_force(loads.instant(x, v))) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("form", "time"), [("DwellStrengthening", "onset"), ("SaturatingStrengthening", "time")]
+)
+def test_contacts_age_slowly_enough_to_differ_between_the_shortest_rests_of_a_log(form, time):
+    """Faster ones are as old after rests of 50 ms as after any other; they make a Stribeck curve, another effect."""
+    (shortest,) = (one.lower for one in type(effect(form)).nuisances if one.name == time)
+    assert 0.002 < np.exp(-0.05 / shortest) < 0.02

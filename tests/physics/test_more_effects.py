@@ -72,15 +72,6 @@ def test_a_shorter_lag_leaves_less_of_itself():
     assert 0.0 < off[1] < off[2] < off[3]
 
 
-@pytest.mark.parametrize(
-    ("form", "time"), [("DwellStrengthening", "onset"), ("SaturatingStrengthening", "time")]
-)
-def test_contacts_age_slowly_enough_to_differ_between_the_shortest_rests_of_a_log(form, time):
-    """Faster ones are as old after rests of 50 ms as after any other; they make a Stribeck curve, another effect."""
-    (shortest,) = (one.lower for one in type(effect(form)).nuisances if one.name == time)
-    assert 0.002 < np.exp(-0.05 / shortest) < 0.02
-
-
 @pytest.mark.parametrize("form", ["DwellStrengthening", "SaturatingStrengthening"])
 def test_contacts_age_at_rest_and_renew_in_motion(form):
     """theta = rest + t at rest; in sliding it goes to length/|v| with the path."""
