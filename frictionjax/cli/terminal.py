@@ -1,12 +1,17 @@
 """What is printed where: progress, warnings and errors on stderr, results on stdout."""
 
 import json
+import shutil
 import sys
+import threading
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from frictionjax.core import Progress
+
+
+_SECOND = 1.0
 
 
 class Terminal:
@@ -16,6 +21,8 @@ class Terminal:
         self._bar: Any = None
         self._stage = ""
         self._warned: set[str] = set()
+        self._closed = threading.Event()
+        self._moving: threading.Thread | None = None
 
     def starting(self) -> None:
         """A sign of life on a terminal, before JAX is loaded."""
@@ -29,7 +36,12 @@ class Terminal:
                 from tqdm import tqdm
 
                 form = "{percentage:3.0f} % |{bar:24}| {elapsed}  {desc}"
-                self._bar = tqdm(total=1.0, bar_format=form, file=sys.stderr, leave=False)
+                # On a terminal that does not say its size, as in many containers, tqdm alone would draw nothing.
+                size = shutil.get_terminal_size()
+                shown = {"file": sys.stderr, "ncols": size.columns, "nrows": size.lines}
+                self._bar = tqdm(total=1.0, bar_format=form, leave=False, **shown)
+                self._moving = threading.Thread(target=self._keep_moving, args=(self._bar,), daemon=True)
+                self._moving.start()
             self._bar.n = max(self._bar.n, min(fraction, 1.0))
             self._bar.set_description_str(stage)
         elif stage != self._stage:
@@ -68,9 +80,16 @@ class Terminal:
 
     def close(self) -> None:
         """The bar, if any, goes away."""
-        if self._bar is not None:
+        if self._bar is not None and self._moving is not None:
+            self._closed.set()
+            self._moving.join()
             self._bar.close()
             self._bar = None
+
+    def _keep_moving(self, bar: Any) -> None:
+        """Show the seconds that pass while a stage takes long."""
+        while not self._closed.wait(_SECOND):
+            bar.refresh()
 
 
 def say(lines: Iterable[str]) -> None:

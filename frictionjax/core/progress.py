@@ -1,5 +1,6 @@
 """How a long verb reports its progress, whoever listens: by default a bar where a person watches."""
 
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,7 +38,10 @@ def reporting(progress: Progress | bool) -> Iterator[Progress]:
     elif not (progress and is_watched()):
         yield silent
     else:
-        bar = tqdm(total=1.0, bar_format=_FORM, file=sys.stderr, leave=False)
+        # On a terminal that does not say its size, as in many containers, tqdm alone would draw nothing.
+        size = shutil.get_terminal_size()
+        shown = {"file": sys.stderr, "ncols": size.columns, "nrows": size.lines}
+        bar = tqdm(total=1.0, bar_format=_FORM, leave=False, **shown)
 
         def show(stage: str, fraction: float) -> None:
             bar.n = max(bar.n, min(fraction, 1.0))

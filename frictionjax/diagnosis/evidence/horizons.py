@@ -32,10 +32,12 @@ def horizons_of(recording: Recording, row: int, base: View, extended: View) -> t
     ):
         if n < 2 * samples or (found and found[-1].seconds == samples * dt):
             continue
-        errors = (rms_error(getattr(one, name)[row, samples:n], x[samples:]) for one in (base, extended))
-        found.append(Horizon(samples * dt, *errors, rms_error(x[:-samples], x[samples:])))
-    errors = (rms_error(one.free[row, :n], x) for one in (base, extended))
-    return (*found, Horizon((n - 1) * dt, *errors, rms_error(x[:1], x)))
+        off, off_extended = (
+            rms_error(getattr(one, name)[row, samples:n], x[samples:]) for one in (base, extended)
+        )
+        found.append(Horizon(samples * dt, off, off_extended, rms_error(x[:-samples], x[samples:])))
+    off, off_extended = (rms_error(one.free[row, :n], x) for one in (base, extended))
+    return (*found, Horizon((n - 1) * dt, off, off_extended, rms_error(x[:1], x)))
 
 
 def lacking_force(
