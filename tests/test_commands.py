@@ -65,7 +65,7 @@ def test_check_says_what_is_seen_and_draws_it(files, capsys):
     assert "1200 samples at 500 Hz, 2.4 s." in printed.out
     assert "kept (held out):" in printed.out
     assert "warmup: the recordings have no common clock" in printed.out
-    assert "gravity_pendulum: the position is not an angle" in printed.out
+    assert "gravity_pendulum: the unit of the position is not one of an angle" in printed.out
     assert (files / "frictionjax-check.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -173,7 +173,7 @@ _PLANT: dict[str, tuple[Any, str]] = {
     "motor_constant": (1.0, "force or torque per input unit; without it every force is per input unit"),
     "position_unit": (
         "rad",
-        'any text; columns with a unit are converted to it; "rad" also says that x is an angle',
+        'any text; columns with a unit are converted to it; "rad", "deg" and the like also say that x is an angle',
     ),
     "force_unit": ("N*m", "unit of force in the result"),
     "input_unit": ("A", "unit of u"),

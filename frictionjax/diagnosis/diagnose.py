@@ -160,6 +160,7 @@ def _diagnose(
             stick_inertia=starting.start.stick_inertia,
             balanced=balanced,
             carried=heavy is not None,
+            turn=plant.turn,
             rule=rule,
             effort=effort,
         )
@@ -292,6 +293,7 @@ def _balanced(
         starting.start.drives,
         inertia=case.plant.inertia,
         without=without,
+        turn=case.plant.turn,
     )
 
 

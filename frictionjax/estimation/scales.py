@@ -23,13 +23,16 @@ def friction_scales(drive: Drive, stroke: float, dt: float) -> dict[str, float]:
     }
 
 
-def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float]:
+def plant_scales(
+    drive: Drive, batch: AbstractBatch | Forces, *, turn: float = 2.0 * np.pi
+) -> dict[str, float]:
     """Sizes by the names that `Parameter.scale` may use.
 
     **Arguments:**
 
     - `drive`: the fitted base model.
     - `batch`: the recordings.
+    - `turn`: a full turn, position units, where the position is an angle.
     """
     friction = drive.friction
     positions = np.asarray(batch.x)
@@ -50,6 +53,7 @@ def plant_scales(drive: Drive, batch: AbstractBatch | Forces) -> dict[str, float
         "half_speed": float(np.arcsinh(top / float(friction.vs))),
         "zero": 0.0,
         "one": 1.0,
+        "turn": turn,
         "center": float(0.5 * (low + high)),
         "Fc/stroke": Fc / stroke,
         "u": largest,

@@ -6,13 +6,8 @@ from jaxtyping import Float
 
 from frictionjax.recordings.regimes import runs
 from frictionjax.recordings.signals import noise_std
+from frictionjax.recordings.units import turn_of
 
-_TURN = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
-_NAMES = {
-    "rad": ("rad", "radian", "radians"),
-    "deg": ("deg", "degree", "degrees", "\N{DEGREE SIGN}"),
-    "rev": ("rev", "revolution", "revolutions", "turn", "turns"),
-}
 _WITHIN = 1.001  # turns: a position that wraps stays within one
 _FAST = 0.25  # of a turn in one sample: then jumps and motion cannot be separated
 _STANDING = 5  # samples of one value, at least, before a jump
@@ -31,12 +26,6 @@ class Standing(eqx.Module):
     first: int = eqx.field(static=True)
     count: int = eqx.field(static=True)
     longest: int = eqx.field(static=True)
-
-
-def turn_of(unit: str) -> float | None:
-    """A full turn in the position `unit`, as text; None where it is no angle."""
-    word = unit.strip().lower()
-    return next((_TURN[name] for name, words in _NAMES.items() if word in words), None)
 
 
 def unwrapped(x: Float[np.ndarray, " n"], unit: str) -> tuple[Float[np.ndarray, " n"], int, int]:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, one_line, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
+from frictionjax.recordings.units import turn_of
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
 JITTER_TOLERANCE = 1e-3
@@ -33,6 +34,11 @@ class Plant(eqx.Module):
     input_unit: str = eqx.field(static=True, default="input")
     encoder_step: float | None = eqx.field(static=True, default=None)
     inertia: float | None = eqx.field(static=True, default=None)
+
+    @property
+    def turn(self) -> float:
+        """A full turn in position units; 2 pi, as of rad, where the position is no angle."""
+        return turn_of(self.position_unit) or 2.0 * np.pi
 
     def __repr__(self) -> str:
         return one_line(self)

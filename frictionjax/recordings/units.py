@@ -35,6 +35,8 @@ _WORDS: dict[str, tuple[float, dict[str, int]]] = {
     "arcmin": (math.pi / 10800, {"rad": 1}),
     "arcsec": (math.pi / 648000, {"rad": 1}),
     "rev": (2 * math.pi, {"rad": 1}),
+    "revolution": (2 * math.pi, {"rad": 1}),
+    "revolutions": (2 * math.pi, {"rad": 1}),
     "turn": (2 * math.pi, {"rad": 1}),
     "turns": (2 * math.pi, {"rad": 1}),
     "rpm": (2 * math.pi / 60, {"rad": 1, "s": -1}),
@@ -231,3 +233,9 @@ def is_unit(text: str) -> bool:
     """
     text = text.strip().strip("[]()")
     return bool(parse_unit(text)) or text.lower() in _NO_UNIT_OF_OURS
+
+
+def turn_of(unit: str) -> float | None:
+    """A full turn in the position `unit`, as text, `"deg"` or `"turn/4096"`; None where it is no angle."""
+    found = parse_unit(unit)
+    return 2.0 * math.pi / found.factor if found is not None and found.powers == _ANGLE else None

@@ -16,8 +16,9 @@ from frictionjax.estimation.objective.robust import robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import Drive, LuGre
 
-FORMS = ("ConstantLoad", "Delay", "WarmupByTemperature")
-"""A force, an effect on the input, and one of which these recordings, without a temperature, show nothing."""
+FORMS = ("ConstantLoad", "GravityPendulum", "Delay", "WarmupByTemperature")
+"""A force, one of an angle, an effect on the input, and one of which these recordings, without a temperature, show
+nothing."""
 
 
 def in_units(drive, position, force, signal):
@@ -51,7 +52,8 @@ def screened():
         batch = make_batch(own, encoder_step=FINE * position)
         present = present_model(*robust_posterior(drive, batch, np.zeros(2, bool)))
         scales = plant_scales(drive, batch) | {"stroke": 0.4 * position, "Fc/stroke": force / position}
-        trials = [trial for name in FORMS for trial in try_form(present, [effect(name)], scales)[:1]]
+        forms = [effect(name).in_turns_of(2.0 * np.pi * position) for name in FORMS]
+        trials = [trial for form in forms for trial in try_form(present, [form], scales)[:1]]
         return present.misfit, trials
 
     return run

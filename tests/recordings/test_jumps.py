@@ -5,8 +5,9 @@ import pytest
 from helpers_recordings import HEADER
 
 from frictionjax.core import FrictionjaxWarning
-from frictionjax.recordings import load_case
-from frictionjax.recordings.jumps import standing, turn_of, unwrapped
+from frictionjax.recordings import Plant, load_case
+from frictionjax.recordings.jumps import standing, unwrapped
+from frictionjax.recordings.units import turn_of
 
 T = np.arange(3000) / 1000.0
 TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
@@ -41,7 +42,18 @@ def test_what_is_no_angle_or_too_fast_is_left_alone():
     assert unwrapped(wrapped, "m")[1] == 0
     fast = (np.arange(300) * 0.4) % 1.0
     assert unwrapped(fast, "rev")[1] == 0
-    assert turn_of(" Degrees ") == 360.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "turn"),
+    [(" Degrees ", 360.0), ("rad", 2 * np.pi), ("mrad", 2e3 * np.pi), ("urad", 2e6 * np.pi), ("rev", 1.0)]
+    + [("turn/4096", 4096.0), ("arcsec", 1296000.0), ("°", 360.0)]
+    + [(unit, None) for unit in ("mm", "rad/s", "counts", "position", "")],
+)
+def test_the_turn_of_a_unit(unit, turn):
+    found = turn_of(unit)
+    assert found == (None if turn is None else pytest.approx(turn, rel=1e-12))
+    assert Plant(position_unit=unit).turn == pytest.approx(2 * np.pi if turn is None else turn, rel=1e-12)
 
 
 def stalled(x, at, length):

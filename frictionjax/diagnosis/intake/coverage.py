@@ -16,6 +16,7 @@ from frictionjax.physics.effects import (
 )
 from frictionjax.recordings import Case
 from frictionjax.recordings.regimes import find_regimes
+from frictionjax.recordings.units import turn_of
 
 _WORDS = {
     "sliding": "no recording slides",
@@ -23,7 +24,7 @@ _WORDS = {
     "rest": "no recording contains a motion after a rest of 0.3 s",
     "both directions": "no recording moves in both directions",
     "clock": "the recordings have no common clock (start_time) that covers a warm-up",
-    "angle": "the position is not an angle in radians",
+    "angle": "the unit of the position is not one of an angle",
     "temperature": "a recording lacks the temperature, or the temperature changes by less than 1 K",
 }
 
@@ -54,7 +55,7 @@ class Coverage(NamedTuple):
             "rest": any(rest > least.rest for rest in self.rests) or self.starts > 1,
             "both directions": self.moves,
             "clock": self.starts > 1 or self.span > least.warm_up,
-            "angle": self.unit.strip().lower() in ("rad", "radian", "radians"),
+            "angle": turn_of(self.unit) is not None,
             "temperature": self.warmer >= least.warmer,
         }
 

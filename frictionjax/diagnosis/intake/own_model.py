@@ -110,9 +110,8 @@ def starting_values_beside(own: OwnModel, case: Case) -> tuple[Start, OwnModel]:
     if not own.effects:
         return dataclasses.replace(start, drives=tuple(own.applied(drive) for drive in start.drives)), own
     known = {type(own.effects[place]) for place in own.open}
-    found: dict[type[AbstractEffect], AbstractEffect] = {
-        type(one.effect): one.effect for one in force_balance(recordings, start.drives, inertia=inertia)
-    }
+    balanced = force_balance(recordings, start.drives, inertia=inertia, turn=case.plant.turn)
+    found: dict[type[AbstractEffect], AbstractEffect] = {type(one.effect): one.effect for one in balanced}
     effects = tuple(
         found.get(type(effect), effect) if type(effect) in known else effect for effect in own.effects
     )
@@ -168,7 +167,7 @@ def _effect(case: Case, given: GivenEffect) -> AbstractEffect:
             f'Write effects = [{{name = "{given.name}", {needed[0]} = ...}}]',
         )
     values: dict[str, Any] = {key: jnp.asarray(value.value) for key, value in given.values.items()}
-    return form(**values)
+    return form(**values).in_turns_of(case.plant.turn)
 
 
 def _in_range(case: Case, parameter: Parameter, given: Given) -> None:

@@ -1,5 +1,6 @@
 """The fitted model, linearised for the tests of effects: innovations, weighted Jacobian, effects injected into it."""
 
+import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 
 import equinox as eqx
@@ -175,10 +176,10 @@ def _effects_at(posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers
         scale = np.array([float(one.layout[index].scale) for one in posteriors])
         value = np.exp(coordinate) if parameter.transform == "log" else coordinate * scale
         values[parameter.name] = np.clip(value, parameter.lower, parameter.upper)
-    for parameter in effect.strengths + effect.nuisances:
-        if parameter.name not in values:
-            own = [float(getattr(one.drive.effects[-1], parameter.name)) for one in posteriors]
-            values[parameter.name] = np.array(own)
+    for field in dataclasses.fields(effect):
+        if field.name not in values:
+            own = [float(getattr(one.drive.effects[-1], field.name)) for one in posteriors]
+            values[field.name] = np.array(own)
     return type(effect)(**values)
 
 

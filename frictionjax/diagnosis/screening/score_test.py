@@ -75,7 +75,7 @@ def forms_to_try(
         else:
             scale = nuisance.scale if isinstance(nuisance.scale, float) else scales[str(nuisance.scale)]
             axes.append([(nuisance.name, scale * value) for value in nuisance.grid])
-    return [form(**dict(point)) for point in itertools.product(*axes)]
+    return [form(**dict(point)).in_turns_of(scales["turn"]) for point in itertools.product(*axes)]
 
 
 def _regressed(errors, sizes, e, fine, weighings, block):

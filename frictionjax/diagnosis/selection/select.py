@@ -46,6 +46,7 @@ def select(
     stick_inertia: float | None = None,
     balanced: Callable[[], tuple[Balanced, ...]] = tuple,
     carried: bool = False,
+    turn: float = 2.0 * np.pi,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> Selection:
@@ -62,6 +63,7 @@ def select(
     - `balanced`: gives the forces that the force balance asks for; called only where refits are stuck.
     - `carried`: the base model is none of the machine, because one of those forces carries most of the motor force:
         the first effect is one of them.
+    - `turn`: a full turn, position units, where the position is an angle.
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
 
@@ -71,7 +73,7 @@ def select(
 
     def selected(base: Model) -> Selection:
         return _selected(
-            base, executor, progress, without, barred, stick_inertia, balanced, carried, rule, effort
+            base, executor, progress, without, barred, stick_inertia, balanced, carried, turn, rule, effort
         )
 
     found = selected(model)
@@ -98,13 +100,14 @@ def _selected(
     stick_inertia: float | None,
     balanced: Callable[[], tuple[Balanced, ...]],
     carried: bool,
+    turn: float,
     rule: Rule,
     effort: Effort,
 ) -> Selection:
     """As `select`, at the pace of the `model`."""
     model = ease(model, rule=rule, effort=effort)
     posterior = model.posterior
-    scales = plant_scales(model.judgement.drive, posterior.batch)
+    scales = plant_scales(model.judgement.drive, posterior.batch, turn=turn)
     answering = executor.submit(answer_to_force, posterior, model.fitted.vector, rule=rule)
     pair = None
     if not posterior.batch.imposed:

@@ -53,6 +53,7 @@ def force_balance(
     *,
     inertia: float | None = None,
     without: frozenset[str] = frozenset(),
+    turn: float = 2.0 * np.pi,
 ) -> tuple[Balanced, ...]:
     """The forces of the catalogue, linear in their strengths, that lower the unexplained part of the motor force much
     (`CLEARER`), the one that leaves least first.
@@ -64,13 +65,14 @@ def force_balance(
         damping.
     - `inertia`: known inertia, or None.
     - `without`: names of effects, or of forms, to leave out.
+    - `turn`: a full turn, position units, where the position is an angle.
     """
     friction, constant = starts[0].friction, float(starts[0].motor_constant)
     trials = [tuple(smooth_motion(r, constant, seconds) for r in recordings) for seconds in WINDOWS]
     plain = [fit_sliding(motions, inertia=inertia) for motions in trials]
     best = min(range(len(trials)), key=lambda number: (not plain[number].credible, plain[number].unexplained))
     found = []
-    for form in linear_forces(without):
+    for form in linear_forces(without, turn):
         for motions in (trials[number] for number in dict.fromkeys((best, 0))):
             columns = [_forces(form, friction, motion) for motion in motions]
             # A constant force is the offset that stands beside all the others.
@@ -89,11 +91,14 @@ def force_balance(
     return tuple(sorted(found, key=lambda one: one.unexplained))
 
 
-def linear_forces(without: frozenset[str] = frozenset()) -> list[AbstractForceEffect]:
+def linear_forces(
+    without: frozenset[str] = frozenset(), turn: float = 2.0 * np.pi
+) -> list[AbstractForceEffect]:
     """The forms in the catalogue that are forces of the present motion, linear in their strengths and without other
-    parameters; at zero strength. `without`: names of effects, or of forms, to leave out."""
+    parameters; at zero strength. `without`: names of effects, or of forms, to leave out; `turn` as in
+    `force_balance`."""
     return [
-        form()  # type: ignore[call-arg]
+        form().in_turns_of(turn)  # type: ignore[call-arg]
         for name, forms in catalogue().items()
         for form in forms
         if name not in without

@@ -91,6 +91,12 @@ class AbstractEffect(eqx.Module):
     def __repr__(self) -> str:
         return one_line(self)
 
+    def in_turns_of(self, turn: float) -> "AbstractEffect":
+        """The same effect for positions of which `turn` are a full turn (2 pi of rad): one that depends on an angle
+        has a field of this name."""
+        has_angle = any(field.name == "turn" for field in dataclasses.fields(self))
+        return dataclasses.replace(self, turn=turn) if has_angle else self
+
     def silenced(self) -> "AbstractEffect":
         """The same effect with every strength at zero: the base model, without another compilation."""
         return dataclasses.replace(
