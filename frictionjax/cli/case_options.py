@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply"
+_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply, simulated"
 
 
 def case_options(command: argparse.ArgumentParser) -> None:

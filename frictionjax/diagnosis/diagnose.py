@@ -21,7 +21,7 @@ from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_nee
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.views import View, held_out_error, recording_fits, view
-from frictionjax.diagnosis.findings.as_given import view_as_given
+from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_as_given, where_it_misses
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.missing import missing_effects
@@ -33,8 +33,7 @@ from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
-from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
-from frictionjax.diagnosis.mismatch_map.locate import Located, locate
+from frictionjax.diagnosis.mismatch_map.locate import map_of
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.model_spread import moved
@@ -48,7 +47,6 @@ from frictionjax.diagnosis.verdict import (
     Verdict,
 )
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
-from frictionjax.physics import Drive
 from frictionjax.recordings import Case, Plant
 from frictionjax.recordings.given import CaseData, case_of
 
@@ -223,9 +221,8 @@ def _diagnose(
             residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
     progress("mapping the mismatch", 0.95)
-    located = _map(
-        base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor, rule
-    )
+    floor, mapping = steps[-1].floor, executor.map
+    located = map_of(base_view, extended_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
@@ -236,8 +233,12 @@ def _diagnose(
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
-    given = view_as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
+    given = as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
     fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive, given)
+    misses = where_it_misses(given, base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
+    compared = simulation_as_given(given, fits, plant, misses, extended=final is not base)
+    if given is not None and given.source == "column" and starting.own.complete:
+        notes.append(BOTH)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -253,6 +254,7 @@ def _diagnose(
             plant.force_unit,
             ceiling,
             position_unit=plant.position_unit,
+            given=compared,
             rule=rule,
         ),
         missing=missing,
@@ -270,6 +272,7 @@ def _diagnose(
         effort=effort,
         unmeasured=unmeasured,
         ceiling=ceiling,
+        given=compared,
     )
 
 
@@ -313,24 +316,6 @@ def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
 
 def _is_credible(model: Model, rule: Rule) -> bool:
     return credibility(model, rule=rule).is_credible(rule=rule)
-
-
-def _map(
-    predicted: View,
-    extended: View,
-    base: Drive,
-    plant: Plant,
-    scene: Scene,
-    floor: Float[np.ndarray, "r b"],
-    executor: Executor,
-    rule: Rule,
-) -> Located:
-    batch = scene.batch
-    inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
-    axes = axes_of(Motion(np.asarray(batch.x), predicted.v, predicted.bend, inputs), base, plant, scene)
-    if batch.inputs is None:
-        axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(predicted, extended, axes, scene, floor, mapping=executor.map, rule=rule)
 
 
 def _unexplained(

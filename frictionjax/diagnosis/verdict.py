@@ -155,6 +155,22 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
+class SimulationAsGiven:
+    """How far the user's own simulation, as it was given, is from the recordings, and where it misses them.
+
+    **Attributes:** `source` (`"column"`: the column `simulated` of the recordings; `"model"`: `[model]` with the values
+    of the case), `sentence` (how far, beside base and extended model, and where), `where` (the places in words; empty
+    where they are not known), `mismatch` (the map over the recordings that have a simulation: `excess` is that of the
+    simulation, `excess_extended` that of the base model).
+    """
+
+    source: Literal["column", "model"]
+    sentence: str
+    where: str = ""
+    mismatch: tuple[MismatchBin, ...] = ()
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect of the catalogue, and the evidence for it.
 
@@ -182,9 +198,12 @@ class RecordingFit(eqx.Module):
     `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
     lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
     errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`, and those of the user's own model as it was given, `free_run_rmse_given` and
-    `prediction_rmse_given` (None where the case does not give all of it). With `drive = "motion"` the four model
-    columns and the errors are those of the force, in force units, and `force` is the measured one.
+    `prediction_rmse_extended`; those of the motion over 0.1 s in the free run, put on the measured position each time
+    and with the run's own velocity, `increment_rmse_base`, `increment_rmse_extended` (None where not known). Of the
+    user's own simulation as it was given, `free_given`, `free_run_rmse_given`, `increment_rmse_given` and
+    `prediction_rmse_given`; None where there is none, and no prediction where it is a column of the recording, which
+    no measured sample corrects. With `drive = "motion"` the model columns and the errors are those of the force, in
+    force units, and `force` is the measured one.
     """
 
     name: str = eqx.field(static=True)
@@ -208,6 +227,10 @@ class RecordingFit(eqx.Module):
     force: Float[np.ndarray, " n"] | None = None
     free_run_rmse_given: float | None = eqx.field(static=True, default=None)
     prediction_rmse_given: float | None = eqx.field(static=True, default=None)
+    free_given: Float[np.ndarray, " n"] | None = None
+    increment_rmse_base: float | None = eqx.field(static=True, default=None)
+    increment_rmse_extended: float | None = eqx.field(static=True, default=None)
+    increment_rmse_given: float | None = eqx.field(static=True, default=None)
 
 
 class Diagnosis(AbstractDisplayed):
@@ -216,6 +239,7 @@ class Diagnosis(AbstractDisplayed):
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
+    `given` (the user's own simulation as it was given, compared; None where there is none),
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
     two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, the force
     that the last model needs beside it, `unmeasured`, and what a free force would explain beside it, `ceiling` (None
@@ -241,6 +265,7 @@ class Diagnosis(AbstractDisplayed):
     effort: Effort = eqx.field(static=True, default=Effort())
     unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
     ceiling: Ceiling | None = eqx.field(static=True, default=None)
+    given: SimulationAsGiven | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:
@@ -353,13 +378,19 @@ class Diagnosis(AbstractDisplayed):
 
 
 _WARNINGS = 4  # that the short text lists
-_MODELS = ("free_base", "free_extended", "predicted_base", "predicted_extended")
+_MODELS = ("free_base", "free_extended", "free_given", "predicted_base", "predicted_extended")
 _RESIDUALS = ("residual_force", "residual_force_extended", "residual_force_std")
 _COLUMNS = {
     "candidates": ("effect", "tested", "p_value", "gain_fit", "gain_holdout", "reason"),
     "mismatch": ("axis", "bin", "share", "excess", "excess_extended", "count", "p_value"),
     "errors": (
         *("name", "role", "noise_floor", "free_run_rmse_base", "free_run_rmse_extended"),
-        *("prediction_rmse_base", "prediction_rmse_extended"),
+        *(
+            "prediction_rmse_base",
+            "prediction_rmse_extended",
+            "increment_rmse_base",
+            "increment_rmse_extended",
+        ),
+        *("free_run_rmse_given", "increment_rmse_given", "prediction_rmse_given"),
     ),
 }

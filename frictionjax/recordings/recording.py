@@ -13,7 +13,7 @@ from frictionjax.core.frames import to_dataframe, to_xarray
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
 JITTER_TOLERANCE = 1e-3
-_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 
 
 class Plant(eqx.Module):
@@ -73,6 +73,8 @@ class Recording(AbstractDisplayed):
     - `drive`: `"force"` (u is applied, x is the response) or `"motion"` (x is imposed, `force` is the response).
     - `start_time`: s since power-on; recordings of one warm-up share a clock.
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
+    - `simulated`: the position that a simulation of the user's gives for the same input, position units, shape `(n,)`;
+      with `drive = "motion"` the force, force units; None where there is none.
     - `warnings`: what the audit found, as sentences.
     - `sampling`: how far the file's time stamps were from a uniform grid.
     - `plant`: the machine, as its case describes it; None when nothing is known of it.
@@ -92,6 +94,7 @@ class Recording(AbstractDisplayed):
     temperature: Float[np.ndarray, " n"] | None = None
     normal_force: Float[np.ndarray, " n"] | None = None
     supply: Float[np.ndarray, " n"] | None = None
+    simulated: Float[np.ndarray, " n"] | None = None
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
     sampling: Sampling = Sampling()
     plant: Plant | None = None
@@ -126,7 +129,8 @@ class Recording(AbstractDisplayed):
     def _units(self) -> dict[str, str]:
         plant = self.plant or Plant()
         units = {"u": plant.input_unit, "x": plant.position_unit, "v": f"{plant.position_unit}/s"}
-        return {**units, "force": plant.force_unit}
+        answer = plant.force_unit if self.drive == "motion" else plant.position_unit
+        return {**units, "force": plant.force_unit, "simulated": answer}
 
     @property
     def t(self) -> Float[np.ndarray, " n"]:

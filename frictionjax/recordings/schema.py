@@ -10,7 +10,7 @@ from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.units import MEASURED_IN, parse_unit
 from frictionjax.recordings.words import listed, nearest, shown
 
-ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 CASE_KEYS = ("name", "plant", "recording", "model")
 PLANT_KEYS = ("motor_constant", "position_unit", "force_unit", "input_unit", "encoder_step", "inertia")
 RECORDING_KEYS = (

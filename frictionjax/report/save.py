@@ -25,7 +25,8 @@ from frictionjax.report.page import write_report
 from frictionjax.report.replace import CURE, FILES, VERDICT, put_in_place, refuse_foreign
 
 SCHEMA = "frictionjax.verdict/1"
-_BYTES_A_SAMPLE = 176  # of fit/*.csv and comparisons.json, eleven numbers of up to 15 characters and a sign
+_BYTES = 16  # of a number of fit/*.csv and comparisons.json: up to 15 characters and a sign
+_NUMBERS = 11  # a sample; one more where there is a simulation of the user's
 
 
 def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -122,6 +123,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "unmeasured_force": diagnosis.unmeasured and dataclasses.asdict(diagnosis.unmeasured),
         "ceiling": diagnosis.ceiling and dataclasses.asdict(diagnosis.ceiling),
+        "as_given": diagnosis.given and dataclasses.asdict(diagnosis.given),
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)
@@ -177,7 +179,9 @@ def check_writable(directory: str | Path, case: Case | None = None) -> None:
         if (directory / "fit").exists() and not (directory / "fit").is_dir():
             raise InputError("is a file where a directory is to go", file=directory / "fit", cure=CURE)
         refuse_foreign(directory, [Path("fit", name) for name in files])
-        needed = _BYTES_A_SAMPLE * sum(recording.x.size for recording in recordings)
+        modelled = case is not None and case.model is not None
+        counts = (_NUMBERS + (modelled or one.simulated is not None) for one in recordings)
+        needed = _BYTES * sum(count * one.x.size for count, one in zip(counts, recordings, strict=True))
         if shutil.disk_usage(anchor).free < needed:
             problem = f"has no room for the result, which takes {needed / 1e6:.3g} MB"
             raise InputError(problem, file=anchor, cure=CURE)
@@ -244,25 +248,10 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
 
 
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
-    given: dict[str, Any] = {}
-    if recording.prediction_rmse_given is not None:
-        given["given"] = {
-            "free_run_rmse": recording.free_run_rmse_given,
-            "prediction_rmse": recording.prediction_rmse_given,
-        }
-    return {
-        "role": recording.role,
-        "noise_floor": recording.noise_floor,
-        "base": {
-            "free_run_rmse": recording.free_run_rmse_base,
-            "prediction_rmse": recording.prediction_rmse_base,
-        },
-        "extended": {
-            "free_run_rmse": recording.free_run_rmse_extended,
-            "prediction_rmse": recording.prediction_rmse_extended,
-        },
-        **given,
-    }
+    models = ("base", "extended", *(("given",) if recording.free_run_rmse_given is not None else ()))
+    kinds = ("free_run_rmse", "prediction_rmse", "increment_rmse")
+    errors = {model: {kind: getattr(recording, f"{kind}_{model}") for kind in kinds} for model in models}
+    return {"role": recording.role, "noise_floor": recording.noise_floor, **errors}
 
 
 def _write_numbers(diagnosis: Diagnosis, directory: Path) -> None:

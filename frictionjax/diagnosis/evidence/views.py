@@ -1,12 +1,13 @@
 """What a model predicts for every recording: free run, prediction 0.1 s ahead, residual force."""
 
 import dataclasses
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
@@ -49,6 +50,19 @@ class View(eqx.Module):
     v: Float[np.ndarray, "r n"]
     bend: Float[np.ndarray, "r n"]
     e: Float[np.ndarray, "r n"]
+
+
+class Given(eqx.Module):
+    """What the user's own simulation, as it was given, predicts.
+
+    **Attributes:** `source` (as in `SimulationAsGiven`), `there` (which recordings have one, bool, shape `(r,)`), the
+    `free` run, and the prediction 0.1 s `ahead` (None where no measured sample corrects it), shape `(r, n)`.
+    """
+
+    source: Literal["column", "model"] = eqx.field(static=True)
+    there: Bool[np.ndarray, " r"]
+    free: Float[np.ndarray, "r n"]
+    ahead: Float[np.ndarray, "r n"] | None
 
 
 class _Along(eqx.Module):
@@ -211,8 +225,26 @@ def force_bandwidth(dt: float) -> float:
 
 
 def _rmse(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
-    value = float(np.sqrt(np.mean((model - measured) ** 2)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        value = float(np.sqrt(np.mean((model - measured) ** 2)))
     return value if np.isfinite(value) else float("inf")
+
+
+def _increment_rmse(
+    run: Float[np.ndarray, " n"] | None, measured: Float[np.ndarray, " n"], horizon: int
+) -> float | None:
+    """Root mean square error of what a free `run` moves in `horizon` samples against what was measured to move; None
+    without a run.
+
+    It is the error of a run that is put on the measured position each time and keeps its own velocity: the drift of
+    long ago does not count, and it needs no observer.
+    """
+    if run is None:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = run - measured
+        moved = off[horizon:] - off[:-horizon]
+    return _rmse(moved, np.zeros_like(moved))
 
 
 def recording_fits(
@@ -221,7 +253,7 @@ def recording_fits(
     base: View,
     extended: View,
     base_drive: Drive,
-    given: View | None = None,
+    given: Given | None = None,
 ) -> tuple[RecordingFit, ...]:
     """One `RecordingFit` per recording.
 
@@ -231,7 +263,7 @@ def recording_fits(
     - `scene`: the same recordings, in arrays.
     - `base`, `extended`: what the two models predict.
     - `base_drive`: for the standard deviation of the residual force.
-    - `given`: what the user's own model predicts, as it was given; None where there is none.
+    - `given`: what the user's own simulation predicts, as it was given; None where there is none.
     """
     fits = []
     for row, recording in enumerate(recordings):
@@ -247,6 +279,8 @@ def recording_fits(
             std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
         # Nothing is predicted before the first horizon has passed.
         scored = slice(horizon, n)
+        own = None if given is None or not given.there[row] else given.free[row, :n]
+        own_ahead = None if own is None or given is None or given.ahead is None else given.ahead[row, scored]
         fits.append(
             RecordingFit(
                 name=recording.name,
@@ -268,10 +302,12 @@ def recording_fits(
                 prediction_rmse_extended=_rmse(extended.ahead[row, scored], measured[scored]),
                 drive=recording.drive,
                 force=recording.force if recording.drive == "motion" else None,
-                free_run_rmse_given=None if given is None else _rmse(given.free[row, :n], measured),
-                prediction_rmse_given=None
-                if given is None
-                else _rmse(given.ahead[row, scored], measured[scored]),
+                free_run_rmse_given=None if own is None else _rmse(own, measured),
+                prediction_rmse_given=None if own_ahead is None else _rmse(own_ahead, measured[scored]),
+                free_given=own,
+                increment_rmse_base=_increment_rmse(base.free[row, :n], measured, horizon),
+                increment_rmse_extended=_increment_rmse(extended.free[row, :n], measured, horizon),
+                increment_rmse_given=_increment_rmse(own, measured, horizon),
             )
         )
     return tuple(fits)

@@ -12,7 +12,7 @@ from jaxtyping import Bool
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.intake.checks import check_usable
+from frictionjax.diagnosis.intake.checks import check_simulated, check_usable
 from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
@@ -111,6 +111,7 @@ def check(case: Case, *, effort: Effort = Effort()) -> None:
             file=case.name,
             cure="give each a name of its own: results are listed by it",
         )
+    check_simulated(case)
     if not imposed:
         _check_cost(case, effort)
         check_usable(case)

@@ -34,6 +34,8 @@ class Headline(AbstractSection):
         extended = is_extended(diagnosis)
         # Where nothing was diagnosed the summary says what to correct, and nothing else is to be read before that.
         lead = [improvement(diagnosis)] if diagnosis.was_diagnosed else rest
+        if diagnosis.given is not None and diagnosis.was_diagnosed:
+            lead.append(diagnosis.given.sentence)
         return fill(
             "headline.html.j2",
             first=first,
