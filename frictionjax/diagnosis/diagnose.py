@@ -14,6 +14,7 @@ from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
+from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
@@ -119,8 +120,6 @@ def _diagnose(
     case: Case, rejected: dict[str, str], executor: Executor, progress: Progress, rule: Rule, effort: Effort
 ) -> Diagnosis:
     clock, compiling = Stages(), CompileClock()
-    plant = case.plant
-    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
     starting = starting_point(case)
     clock.stage("start")
@@ -128,7 +127,11 @@ def _diagnose(
     def progress_of_base(stage: str, fraction: float) -> None:
         progress(stage, 0.02 + 0.2 * fraction)
 
-    base = base_of(starting, executor, progress_of_base, rule=rule)
+    case, starting, base, said = base_with_likelier_hold(
+        case, starting, executor, progress_of_base, rule=rule
+    )
+    plant = case.plant
+    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     credible, error = credibility(base, rule=rule), ""
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
     untestable |= rejected
@@ -143,7 +146,7 @@ def _diagnose(
         else:
             progress("checking sign and inertia", 0.2)
             error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
-    notes = [*starting.notes, *said_of_the_sensor(base.posterior)]
+    notes = [*starting.notes, *said, *said_of_the_sensor(base.posterior)]
     scene = scene_of(base, starting.names)
     clock.stage("base fit")
     selection = None

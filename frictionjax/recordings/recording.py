@@ -25,6 +25,8 @@ class Plant(eqx.Module):
     - `position_unit`, `force_unit`, `input_unit`: units, as text.
     - `encoder_step`: quantum of the position sensor in position units; None when unknown.
     - `inertia`: known inertia or mass; None when it is to be identified.
+    - `hold`: what the input does between samples: `"zero"`, it is held; `"linear"`, it runs straight to the next one;
+      `"auto"`, the recordings decide.
     """
 
     motor_constant: float | None = eqx.field(static=True, default=None)
@@ -33,9 +35,10 @@ class Plant(eqx.Module):
     input_unit: str = eqx.field(static=True, default="input")
     encoder_step: float | None = eqx.field(static=True, default=None)
     inertia: float | None = eqx.field(static=True, default=None)
+    hold: Literal["zero", "linear", "auto"] = eqx.field(static=True, default="zero")
 
     def __repr__(self) -> str:
-        return one_line(self)
+        return one_line(self, *(("hold",) if self.hold == "zero" else ()))
 
 
 class Sampling(eqx.Module):
@@ -66,7 +69,8 @@ class Recording(AbstractDisplayed):
 
     - `name`: short name, unique in its case (the file's stem).
     - `sample_rate`: samples per second.
-    - `u`: input, held between samples, shape `(n,)`, in input units (zeros for `drive = "motion"`).
+    - `u`: input, shape `(n,)`, in input units (zeros for `drive = "motion"`); the plant's `hold` says what it does
+      between samples.
     - `x`: measured position, shape `(n,)`, in position units.
     - `role`: `"fit"` or `"holdout"`; a holdout recording is never used for fitting or for naming effects.
     - `loop`: `"open"`, or `"closed"` when u is feedback of the measured x, noise included.

@@ -63,10 +63,14 @@ def starting_point(case: Case) -> StartingPoint:
 
 
 def starts_of(case: Case) -> tuple[Start, OwnModel]:
-    """Starting values of the fitted recordings of a `case`, with what its own model gives; and that model."""
+    """Starting values of the fitted recordings of a `case`, with what its own model gives, and the input held where
+    nothing else was decided; and that model."""
     own = own_model(case)
     if case.fit_recordings[0].drive == "force":
-        return starting_values_beside(own, case)
+        start, own = starting_values_beside(own, case)
+        hold = "linear" if case.plant.hold == "linear" else "zero"
+        drives = tuple(dataclasses.replace(drive, hold=hold) for drive in start.drives)
+        return dataclasses.replace(start, drives=drives), own
     start = starting_values_imposed(case.fit_recordings, inertia=case.plant.inertia)
     return dataclasses.replace(start, drives=tuple(own.applied(drive) for drive in start.drives)), own
 
