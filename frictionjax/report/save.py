@@ -251,6 +251,9 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     models = ("base", "extended", *(("given",) if recording.free_run_rmse_given is not None else ()))
     kinds = ("free_run_rmse", "prediction_rmse", "increment_rmse")
     errors = {model: {kind: getattr(recording, f"{kind}_{model}") for kind in kinds} for model in models}
+    for model in ("base", "extended"):
+        if errors[model]["increment_rmse"] is None:
+            del errors[model]["increment_rmse"]
     return {"role": recording.role, "noise_floor": recording.noise_floor, **errors}
 
 
