@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply"
+_ROLES = "t, u, x, v, force, reference, temperature, normal_force, supply, simulated"
 
 
 def case_options(command: argparse.ArgumentParser) -> None:
@@ -36,6 +36,11 @@ def case_options(command: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--encoder-step", type=float, metavar="STEP", help="quantum of the position sensor, position units"
+    )
+    group.add_argument(
+        "--hold",
+        choices=("zero", "linear", "auto"),
+        help="what the input does between samples: held (default), straight to the next one, or as is likelier",
     )
     for quantity in ("position", "force", "input"):
         group.add_argument(

@@ -15,6 +15,7 @@ OPTIONS = {
     "motor_constant": "--motor-constant",
     "inertia": "--inertia",
     "encoder_step": "--encoder-step",
+    "hold": "--hold",
     "position_unit": "--position-unit",
     "force_unit": "--force-unit",
     "input_unit": "--input-unit",
@@ -91,6 +92,7 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         "input_unit": _unless(plant.input_unit, "input"),
         "encoder_step": plant.encoder_step,
         "inertia": plant.inertia,
+        "hold": _unless(plant.hold, "zero"),
     }
     lines = [
         "# Recordings of one machine. A line that starts with # is not read: fill it in and take the # away.",
@@ -179,6 +181,10 @@ _PLANT: dict[str, tuple[Any, str]] = {
     "input_unit": ("A", "unit of u"),
     "encoder_step": (1e-6, "quantum of the position sensor, position units"),
     "inertia": (0.01, "known inertia or mass; without it, it is identified"),
+    "hold": (
+        "linear",
+        'where u runs straight from sample to sample; "auto": the recordings decide; else u is held',
+    ),
 }
 """Key of `[plant]` -> an example and what it means."""
 _RECORDING: dict[str, tuple[Any, str]] = {

@@ -14,6 +14,7 @@ from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility
 from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
+from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
@@ -22,7 +23,7 @@ from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View, held_out_error, view
-from frictionjax.diagnosis.findings.as_given import view_as_given
+from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_as_given, where_it_misses
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.missing import missing_effects
@@ -34,22 +35,14 @@ from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
-from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
-from frictionjax.diagnosis.mismatch_map.locate import Located, locate
+from frictionjax.diagnosis.mismatch_map.locate import map_of
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.model_spread import moved
 from frictionjax.diagnosis.selection.select import select
 from frictionjax.diagnosis.selection.step import Step
-from frictionjax.diagnosis.verdict import (
-    Diagnosis,
-    MismatchBin,
-    NextExperiment,
-    Unexplained,
-    Verdict,
-)
+from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, NextExperiment, Unexplained, Verdict
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
-from frictionjax.physics import Drive
 from frictionjax.recordings import Case, Plant
 from frictionjax.recordings.given import CaseData, case_of
 
@@ -122,8 +115,6 @@ def _diagnose(
     case: Case, rejected: dict[str, str], executor: Executor, progress: Progress, rule: Rule, effort: Effort
 ) -> Diagnosis:
     clock, compiling = Stages(), CompileClock()
-    plant = case.plant
-    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     progress("starting values", 0.0)
     starting = starting_point(case)
     clock.stage("start")
@@ -131,7 +122,11 @@ def _diagnose(
     def progress_of_base(stage: str, fraction: float) -> None:
         progress(stage, 0.02 + 0.2 * fraction)
 
-    base = base_of(starting, executor, progress_of_base, rule=rule)
+    case, starting, base, said = base_with_likelier_hold(
+        case, starting, executor, progress_of_base, rule=rule
+    )
+    plant = case.plant
+    units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     credible, error = credibility(base, rule=rule), ""
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
     untestable |= rejected
@@ -146,7 +141,7 @@ def _diagnose(
         else:
             progress("checking sign and inertia", 0.2)
             error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
-    notes = [*starting.notes, *said_of_the_sensor(base.posterior)]
+    notes = [*starting.notes, *said, *said_of_the_sensor(base.posterior)]
     scene = scene_of(base, starting.names)
     clock.stage("base fit")
     selection = None
@@ -225,9 +220,8 @@ def _diagnose(
             residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
     progress("mapping the mismatch", 0.95)
-    located = _map(
-        base_view, extended_view, base.judgement.drive, plant, scene, steps[-1].floor, executor, rule
-    )
+    floor, mapping = steps[-1].floor, executor.map
+    located = map_of(base_view, extended_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
@@ -238,8 +232,12 @@ def _diagnose(
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
-    given = view_as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
+    given = as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
     fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive, given)
+    misses = where_it_misses(given, base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
+    compared = simulation_as_given(given, fits, plant, misses, extended=final is not base)
+    if given is not None and given.source == "column" and starting.own.complete:
+        notes.append(BOTH)
     clock.stage("judging")
     return Diagnosis(
         case=case.name,
@@ -255,6 +253,7 @@ def _diagnose(
             plant.force_unit,
             ceiling,
             position_unit=plant.position_unit,
+            given=compared,
             rule=rule,
         ),
         missing=missing,
@@ -272,6 +271,7 @@ def _diagnose(
         effort=effort,
         unmeasured=unmeasured,
         ceiling=ceiling,
+        given=compared,
     )
 
 
@@ -316,24 +316,6 @@ def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
 
 def _is_credible(model: Model, rule: Rule) -> bool:
     return credibility(model, rule=rule).is_credible(rule=rule)
-
-
-def _map(
-    predicted: View,
-    extended: View,
-    base: Drive,
-    plant: Plant,
-    scene: Scene,
-    floor: Float[np.ndarray, "r b"],
-    executor: Executor,
-    rule: Rule,
-) -> Located:
-    batch = scene.batch
-    inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
-    axes = axes_of(Motion(np.asarray(batch.x), predicted.v, predicted.bend, inputs), base, plant, scene)
-    if batch.inputs is None:
-        axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(predicted, extended, axes, scene, floor, mapping=executor.map, rule=rule)
 
 
 def _unexplained(

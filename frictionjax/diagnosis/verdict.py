@@ -13,6 +13,7 @@ from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
+from frictionjax.diagnosis.recording_fit import RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import Table
 from frictionjax.recordings import Plant
@@ -119,34 +120,6 @@ class Within:
 
 
 @dataclass(frozen=True)
-class Unmeasured:
-    """The random force, constant over each sample, that a model needs beside it to explain its prediction errors.
-
-    **Attributes:** `force` (root mean square, force units), `of_coulomb` (over Coulomb friction), `of_applied` (over
-    the root mean square of the applied force, or of the measured one where the motion is imposed).
-    """
-
-    force: float
-    of_coulomb: float
-    of_applied: float
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """How far two models are off when they predict the position `seconds` ahead from what was measured until then; over
-    the whole recording, from its first sample.
-
-    **Attributes:** `seconds` (s), `base`, `extended` (root mean square errors of the two models, position units),
-    `standstill` (that of predicting that the machine stays where it is: a model that is worse says nothing).
-    """
-
-    seconds: float
-    base: float
-    extended: float
-    standstill: float
-
-
-@dataclass(frozen=True)
 class Ceiling:
     """How much a force that is free in what is known at each instant would explain beside the last model.
 
@@ -170,6 +143,22 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
+class SimulationAsGiven:
+    """How far the user's own simulation, as it was given, is from the recordings, and where it misses them.
+
+    **Attributes:** `source` (`"column"`: the column `simulated` of the recordings; `"model"`: `[model]` with the values
+    of the case), `sentence` (how far, beside base and extended model, and where), `where` (the places in words; empty
+    where they are not known), `mismatch` (the map over the recordings that have a simulation: `excess` is that of the
+    simulation, `excess_extended` that of the base model).
+    """
+
+    source: Literal["column", "model"]
+    sentence: str
+    where: str = ""
+    mismatch: tuple[MismatchBin, ...] = ()
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect of the catalogue, and the evidence for it.
 
@@ -190,52 +179,13 @@ class Candidate:
     units: dict[str, str] = field(default_factory=dict)
 
 
-class RecordingFit(eqx.Module):
-    """Measured against base and extended model, for one recording; every array has shape `(n,)`.
-
-    **Attributes:** `name`, `role`, `t` (s), `u` (input units), `x`, `free_base`, `free_extended`,
-    `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
-    lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
-    errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`, and those of the user's own model as it was given, `free_run_rmse_given` and
-    `prediction_rmse_given` (None where the case does not give all of it); `horizons` (errors one sample, 0.1 s and 1 s
-    ahead, and over the whole recording); and the part of the residual force that noise does not explain,
-    `unmeasured_base` and `unmeasured_extended`. With `drive = "motion"` the four model columns and the errors are those
-    of the force, in force units, `force` is the measured one, and there are no `horizons`.
-    """
-
-    name: str = eqx.field(static=True)
-    role: Literal["fit", "holdout"] = eqx.field(static=True)
-    t: Float[np.ndarray, " n"]
-    u: Float[np.ndarray, " n"]
-    x: Float[np.ndarray, " n"]
-    free_base: Float[np.ndarray, " n"]
-    free_extended: Float[np.ndarray, " n"]
-    predicted_base: Float[np.ndarray, " n"]
-    predicted_extended: Float[np.ndarray, " n"]
-    residual_force: Float[np.ndarray, " n"]
-    residual_force_extended: Float[np.ndarray, " n"]
-    residual_force_std: Float[np.ndarray, " n"]
-    noise_floor: float = eqx.field(static=True)
-    free_run_rmse_base: float = eqx.field(static=True)
-    free_run_rmse_extended: float = eqx.field(static=True)
-    prediction_rmse_base: float = eqx.field(static=True)
-    prediction_rmse_extended: float = eqx.field(static=True)
-    drive: Literal["force", "motion"] = eqx.field(static=True, default="force")
-    force: Float[np.ndarray, " n"] | None = None
-    free_run_rmse_given: float | None = eqx.field(static=True, default=None)
-    prediction_rmse_given: float | None = eqx.field(static=True, default=None)
-    horizons: tuple[Horizon, ...] = eqx.field(static=True, default=())
-    unmeasured_base: Unmeasured | None = eqx.field(static=True, default=None)
-    unmeasured_extended: Unmeasured | None = eqx.field(static=True, default=None)
-
-
 class Diagnosis(AbstractDisplayed):
     """What `diagnose` found.
 
     **Attributes:** `case` (name), `plant`, `verdict` (`"adequate"`, `"named"` or `"unknown"`), `summary` (the
     sentence), `missing` (strongest first), `unexplained`, `mismatch` (the map), `base` and `extended` (parameter
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
+    `given` (the user's own simulation as it was given, compared; None where there is none),
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
     two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, the force
     that the last model needs beside it, `unmeasured`, and what a free force would explain beside it, `ceiling` (None
@@ -261,6 +211,7 @@ class Diagnosis(AbstractDisplayed):
     effort: Effort = eqx.field(static=True, default=Effort())
     unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
     ceiling: Ceiling | None = eqx.field(static=True, default=None)
+    given: SimulationAsGiven | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:
@@ -373,13 +324,19 @@ class Diagnosis(AbstractDisplayed):
 
 
 _WARNINGS = 4  # that the short text lists
-_MODELS = ("free_base", "free_extended", "predicted_base", "predicted_extended")
+_MODELS = ("free_base", "free_extended", "free_given", "predicted_base", "predicted_extended")
 _RESIDUALS = ("residual_force", "residual_force_extended", "residual_force_std")
 _COLUMNS = {
     "candidates": ("effect", "tested", "p_value", "gain_fit", "gain_holdout", "reason"),
     "mismatch": ("axis", "bin", "share", "excess", "excess_extended", "count", "p_value"),
     "errors": (
         *("name", "role", "noise_floor", "free_run_rmse_base", "free_run_rmse_extended"),
-        *("prediction_rmse_base", "prediction_rmse_extended"),
+        *(
+            "prediction_rmse_base",
+            "prediction_rmse_extended",
+            "increment_rmse_base",
+            "increment_rmse_extended",
+        ),
+        *("free_run_rmse_given", "increment_rmse_given", "prediction_rmse_given"),
     ),
 }

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Estimate, InputError, require_x64
 from frictionjax.core.json import plain_json
 from frictionjax.estimation import FitResult, RecordingNoise
-from frictionjax.exchange.table import AGAIN, FRICTION, Table, drive_of, fields_of
+from frictionjax.exchange.table import AGAIN, FRICTION, HOLDS, Table, drive_of, fields_of
 from frictionjax.physics import Drive
 from frictionjax.recordings.words import require_file, shown
 
@@ -206,6 +206,7 @@ def _drive_json(drive: Drive) -> dict[str, Any]:
             }
             for effect in drive.effects
         ],
+        **({} if drive.hold == HOLDS[0] else {"hold": drive.hold}),
     }
 
 

@@ -4,7 +4,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterator
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import equinox as eqx
 import numpy as np
@@ -17,6 +17,8 @@ from frictionjax.recordings.words import listed, nearest, shown
 
 AGAIN = "Write the file again with `save_fit`"
 DRIVE = ("J", "motor_constant", "friction", "effects")
+HOLDS = ("zero", "linear")
+"""What an input may do between samples; the first where a file says nothing."""
 FRICTION = tuple(parameter.name for parameter in LuGre.parameters)
 EFFECT = ("name", "form", "parameters")
 
@@ -129,7 +131,10 @@ class Table(eqx.Module):
 
 def drive_of(table: Table) -> Drive:
     """The drive in `table`, with its effects."""
-    table.only(DRIVE)
+    table.only((*DRIVE, "hold"))
+    hold = table.text("hold") if "hold" in table.content else HOLDS[0]
+    if hold not in HOLDS:
+        table.fail("hold", f'"{shown(hold)}" is no hold of the input', f"Write {' or '.join(HOLDS)}")
     friction = table.table("friction")
     friction.only(FRICTION)
     return Drive(
@@ -137,6 +142,7 @@ def drive_of(table: Table) -> Drive:
         LuGre(*(friction.number(name) for name in FRICTION)),
         table.number("motor_constant"),
         tuple(_effect(entry) for entry in table.listed("effects")),
+        cast(Any, hold),
     )
 
 

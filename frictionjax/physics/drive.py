@@ -1,7 +1,8 @@
 """The plant: inertia, motor, friction and effects."""
 
+import dataclasses
 from collections.abc import Iterator
-from typing import TypeGuard
+from typing import Literal, TypeGuard
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -41,19 +42,21 @@ class Drive(eqx.Module):
     - `friction`: the `LuGre` friction.
     - `motor_constant`: force per input unit.
     - `effects`: tuple of effects, each in its own slot.
+    - `hold`: what the input does between samples: `"zero"`, it is held; `"linear"`, it runs straight to the next one.
     """
 
     J: Float[Array, "..."] = eqx.field(converter=real)
     friction: LuGre
     motor_constant: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
     effects: tuple[AbstractEffect, ...] = ()
+    hold: Literal["zero", "linear"] = eqx.field(static=True, default="zero")
 
     def __repr__(self) -> str:
-        return one_line(self)
+        return one_line(self, *(("hold",) if self.hold == "zero" else ()))
 
     def with_effects(self, *effects: AbstractEffect) -> "Drive":
         """The same drive with further `effects`."""
-        return Drive(self.J, self.friction, self.motor_constant, (*self.effects, *effects))
+        return dataclasses.replace(self, effects=(*self.effects, *effects))
 
     def _has(self, slot: type[AbstractEffect]) -> bool:
         return any(isinstance(effect, slot) for effect in self.effects)
@@ -69,8 +72,12 @@ class Drive(eqx.Module):
 
     def applied_force(self, u: Float[Array, " n"], dt: Float[Array, ""]) -> Float[Array, " n"] | Push:
         """Motor force, shape `(n,)`, held over each sample of `dt` s, for the recorded input `u` of shape `(n,)`; a
-        `Push` where an effect changes it within a sample. Later effects act on the mean."""
+        `Push` where the input or an effect changes it within a sample. Later effects act on the mean."""
         rises = []
+        if self.hold == "linear":
+            # After its last sample the input is taken to stay.
+            rises.append(jnp.append(u[1:], u[-1:]) - u)
+            u = u + 0.5 * rises[0]
         for effect in self.effects:
             if isinstance(effect, AbstractInputEffect):
                 applied = effect.apply(u, dt)

@@ -12,7 +12,7 @@ from frictionjax.recordings.recording import JITTER_TOLERANCE, Plant, Recording,
 from frictionjax.recordings.regimes import Regimes, find_regimes
 from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
 
-_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 _SLOW = 20.0  # Hz; below this, the time column of a servo's recording is more likely in ms
 _PROCESSING = {
     "held": "x repeats each value: the sensor is slower than the sample rate, and short times carry no information",

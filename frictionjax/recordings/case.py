@@ -70,6 +70,7 @@ def case_from_files(
     input_unit: str | None = None,
     encoder_step: float | None = None,
     inertia: float | None = None,
+    hold: str | None = None,
     loop: str | None = None,
     drive: str | None = None,
     start_time: float | Sequence[float] | None = None,
@@ -92,6 +93,7 @@ def case_from_files(
     - `position_unit`, `force_unit`, `input_unit`: units, as text; absent: SI where a column has a unit, else unknown.
     - `encoder_step`: quantum of the position sensor, position units; absent: unknown.
     - `inertia`: known inertia or mass; absent: to be identified.
+    - `hold`: `"zero"` (default), `"linear"` or `"auto"`: what the input does between samples.
     - `loop`: `"open"` (default) or `"closed"`, for all files.
     - `drive`: `"force"` (default) or `"motion"`, for all files.
     - `start_time`: s since power-on of the first sample: one for all files, or one for each, the held-out ones last.
@@ -112,7 +114,7 @@ def case_from_files(
         "units": None if units is None else dict(units),
         "scale": None if scale is None else dict(scale),
     }
-    plant = {"motor_constant": motor_constant, "encoder_step": encoder_step, "inertia": inertia}
+    plant = {"motor_constant": motor_constant, "encoder_step": encoder_step, "inertia": inertia, "hold": hold}
     plant |= {"position_unit": position_unit, "force_unit": force_unit, "input_unit": input_unit}
     given = [(path, "fit") for path in _several(files)] + [(path, "holdout") for path in _several(holdout)]
     starts = _for_each("start_time", start_time, len(given), isinstance(start_time, int | float))

@@ -14,10 +14,11 @@ from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
 from frictionjax.recordings.sampling import Grid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
+from frictionjax.recordings.simulated import SIMULATED, no_simulation, on_the_turn_of
 from frictionjax.recordings.words import listed, shown
 
 MIN_SAMPLES = 100
-_OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply")
+_OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 # The rate written in the case and the one in the time stamps may differ by a clock's error, not by more.
 _RATE_TOLERANCE = 1e-3
 _SLOWEST, _FASTEST = 1e-3, 1e9  # Hz
@@ -56,6 +57,13 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
     stamps, step = _time(entry, table, columns, file)
     first, last = _cut(entry, stamps, step, file)
     used = {role: values[first:last] for role, values in columns.items() if role != "t"}
+    if SIMULATED in used and SIMULATED in chosen.guessed:
+        none = no_simulation(used[SIMULATED], named[SIMULATED])
+        if none:
+            left_out = (*left_out, none)
+            del used[SIMULATED]
+        else:
+            read_as = (*read_as, f"`{shown(named[SIMULATED], 40)}` was read as simulated.")
     for role, values in used.items():
         _require_finite(values, table, named[role], rows[first:last])
     if last - first < MIN_SAMPLES:
@@ -88,6 +96,9 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
             f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {_times(stood.count)}, "
             f"first at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
         )
+    if SIMULATED in used:
+        used[SIMULATED], wraps = on_the_turn_of(used[SIMULATED], entry.drive, plant)
+        jumps = (*jumps, *wraps)
     x = np.ascontiguousarray(grid.follow(used["x"]))
     optional = {
         role: np.ascontiguousarray(grid.follow(used[role])) if role in used else None for role in _OPTIONAL
@@ -112,6 +123,7 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
         temperature=optional["temperature"],
         normal_force=optional["normal_force"],
         supply=optional["supply"],
+        simulated=optional["simulated"],
     )
     found = audit(recording, plant)
     for said in filter(None, (*read_as, found.sampling_sentence(), *jumps)):

@@ -11,6 +11,7 @@ from frictionjax.recordings.clock import contradicts, on_one_clock, seconds
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.schema import ROLES, Entry
+from frictionjax.recordings.simulated import SIMULATED, answer_of
 from frictionjax.recordings.synonyms import columns_like
 from frictionjax.recordings.units import MEASURED_IN, Unit, is_unit, parse_unit, split_unit
 from frictionjax.recordings.words import listed, nearest, shown
@@ -27,11 +28,13 @@ class Columns(eqx.Module):
     - `names`: role -> the column's name in the file.
     - `units`: role -> the column's unit, as text; roles without one are absent.
     - `notes`: which columns were found by names that people use, as sentences.
+    - `guessed`: the roles of these.
     """
 
     names: dict[str, str] = eqx.field(static=True)
     units: dict[str, str] = eqx.field(static=True)
     notes: tuple[str, ...] = eqx.field(static=True)
+    guessed: frozenset[str] = eqx.field(static=True, default=frozenset())
 
 
 def find_columns(entry: Entry, table: AbstractTable) -> Columns:
@@ -59,25 +62,32 @@ def find_columns(entry: Entry, table: AbstractTable) -> Columns:
     names = {role: _named(role, entry, table) for role in roles if role in entry.columns}
     names |= {role: role for role in roles if role not in names and table.has(role)}
     guessed: dict[str, str] = {}
+    unsure: tuple[str, ...] = ()
     for role in roles:
         if role in names:
             continue
         free = tuple(name for name in table.names if name not in names.values())
         must = role in needed or (role == "t" and entry.sample_rate is None)
-        like = columns_like(role, entry.drive, free, guess=must)
+        like = columns_like(role, entry.drive, free, guess=must or role == SIMULATED)
         like = [name for name in like if _may_be(role, name, table)]
         if len(like) == 1:
             names[role] = like[0]
             if split_unit(like[0])[0] != role:
                 guessed[role] = like[0]
+        elif like and role == SIMULATED:
+            unsure = (f"{len(like)} columns could be simulated, and none was read: {listed(like)}",)
         elif like and must:
             raise _ambiguous(role, like, entry, table)
         elif role in needed:
             raise _no_column(role, role, entry, table)
     _require_different(names, entry, table)
     names = {role: names[role] for role in ROLES if role in names}
-    said = [(f"`{shown(guessed[role], 40)}`", "was read", f"as {role}") for role in names if role in guessed]
-    return Columns(names, _units(names, entry, table), _in_one_sentence(said))
+    found = [
+        role for role in names if role in guessed and role != SIMULATED
+    ]  # of that one the values say more
+    said = [(f"`{shown(guessed[role], 40)}`", "was read", f"as {role}") for role in found]
+    notes = (*_in_one_sentence(said), *unsure)
+    return Columns(names, _units(names, entry, table), notes, frozenset(guessed))
 
 
 def labelled(plant: Plant, columns: Columns, entry: Entry) -> Plant:
@@ -121,6 +131,7 @@ def read_columns(
     **Raises:** `InputError` for columns of different lengths, and for a unit that is not one of its role.
     """
     names = columns.names
+    scale = _scale(columns, entry)
     for role in entry.scale:
         if role not in names:
             entry.spot.fail(
@@ -153,7 +164,7 @@ def read_columns(
         elif factor != 1.0:
             converted.append((role, "was converted", f"from {given} to {shown(wanted)}"))
         with np.errstate(over="ignore"):
-            values[role] = values[role] * entry.scale.get(role, 1.0) * factor
+            values[role] = values[role] * scale.get(role, 1.0) * factor
         said += (sentence,) if sentence else ()
     return values, (*_in_one_sentence(converted), *said), left_out
 
@@ -194,7 +205,18 @@ def _units(names: dict[str, str], entry: Entry, table: AbstractTable) -> dict[st
         unit = entry.units.get(role) or table.unit(name) or split_unit(name)[1]
         if is_unit(unit):
             units[role] = unit.strip().strip("[]()")
+    answer = answer_of(entry.drive)
+    if SIMULATED in names and SIMULATED not in units and not {SIMULATED, answer} & {*entry.scale}:
+        units |= {SIMULATED: units[answer]} if answer in units else {}
     return units
+
+
+def _scale(columns: Columns, entry: Entry) -> dict[str, float]:
+    """Role -> factor. A simulated answer without unit or factor of its own counts as the measured one does."""
+    factor = entry.scale.get(answer_of(entry.drive))
+    if factor is None or SIMULATED not in columns.names or SIMULATED in columns.units:
+        return entry.scale
+    return {SIMULATED: factor, **entry.scale}
 
 
 def _require_different(names: dict[str, str], entry: Entry, table: AbstractTable) -> None:
@@ -240,7 +262,8 @@ def _factor(
         return 1.0, ""
     unit = parse_unit(text)
     if unit is None:
-        wanted = getattr(plant, LABELS[role]) if role in LABELS else text
+        label = answer_of(entry.drive) if role == SIMULATED else role
+        wanted = getattr(plant, LABELS[label]) if label in LABELS else text
         return float(wanted == text), wanted
     if unit.powers not in MEASURED_IN.get(role, (unit.powers,)):
         raise InputError(
@@ -249,7 +272,7 @@ def _factor(
             place=entry.spot.at(f"columns.{role}"),
             cure=f"Name another column (columns), or the factor to the units of the case: scale = {{{role} = 1.0}}",
         )
-    wanted = _wanted(role, unit, plant)
+    wanted = _wanted(role, unit, plant, entry.drive)
     target = parse_unit(wanted)
     if target is None:
         return 0.0, wanted
@@ -264,8 +287,10 @@ def _factor(
     return unit.factor / target.factor, wanted
 
 
-def _wanted(role: str, unit: Unit, plant: Plant) -> str:
+def _wanted(role: str, unit: Unit, plant: Plant, drive: str) -> str:
     """The unit that the case wants for a role: its own, or one that goes with it, else SI."""
+    if role == SIMULATED:
+        return getattr(plant, LABELS[answer_of(drive)])
     if role in LABELS and has_label(plant, role):
         return getattr(plant, LABELS[role])
     beside = {"v": f"{plant.position_unit}/s", "reference": plant.position_unit}.get(role, unit.si)

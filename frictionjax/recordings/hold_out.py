@@ -10,7 +10,7 @@ from frictionjax.recordings.recording import Case, Recording
 PART = 3
 """One part in so many is held out."""
 _LEAST = 100  # samples in the held-out part
-_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 
 
 def hold_out_last_third(case: Case) -> Case:

@@ -14,7 +14,7 @@ from frictionjax.recordings.units import turn_of
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
 JITTER_TOLERANCE = 1e-3
-_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+_CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 
 
 class Plant(eqx.Module):
@@ -26,6 +26,8 @@ class Plant(eqx.Module):
     - `position_unit`, `force_unit`, `input_unit`: units, as text.
     - `encoder_step`: quantum of the position sensor in position units; None when unknown.
     - `inertia`: known inertia or mass; None when it is to be identified.
+    - `hold`: what the input does between samples: `"zero"`, it is held; `"linear"`, it runs straight to the next one;
+      `"auto"`, the recordings decide.
     """
 
     motor_constant: float | None = eqx.field(static=True, default=None)
@@ -34,6 +36,7 @@ class Plant(eqx.Module):
     input_unit: str = eqx.field(static=True, default="input")
     encoder_step: float | None = eqx.field(static=True, default=None)
     inertia: float | None = eqx.field(static=True, default=None)
+    hold: Literal["zero", "linear", "auto"] = eqx.field(static=True, default="zero")
 
     @property
     def turn(self) -> float:
@@ -41,7 +44,7 @@ class Plant(eqx.Module):
         return turn_of(self.position_unit) or 2.0 * np.pi
 
     def __repr__(self) -> str:
-        return one_line(self)
+        return one_line(self, *(("hold",) if self.hold == "zero" else ()))
 
 
 class Sampling(eqx.Module):
@@ -72,13 +75,16 @@ class Recording(AbstractDisplayed):
 
     - `name`: short name, unique in its case (the file's stem).
     - `sample_rate`: samples per second.
-    - `u`: input, held between samples, shape `(n,)`, in input units (zeros for `drive = "motion"`).
+    - `u`: input, shape `(n,)`, in input units (zeros for `drive = "motion"`); the plant's `hold` says what it does
+      between samples.
     - `x`: measured position, shape `(n,)`, in position units.
     - `role`: `"fit"` or `"holdout"`; a holdout recording is never used for fitting or for naming effects.
     - `loop`: `"open"`, or `"closed"` when u is feedback of the measured x, noise included.
     - `drive`: `"force"` (u is applied, x is the response) or `"motion"` (x is imposed, `force` is the response).
     - `start_time`: s since power-on; recordings of one warm-up share a clock.
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
+    - `simulated`: the position that a simulation of the user's gives for the same input, position units, shape `(n,)`;
+      with `drive = "motion"` the force, force units; None where there is none.
     - `warnings`: what the audit found, as sentences.
     - `sampling`: how far the file's time stamps were from a uniform grid.
     - `plant`: the machine, as its case describes it; None when nothing is known of it.
@@ -98,6 +104,7 @@ class Recording(AbstractDisplayed):
     temperature: Float[np.ndarray, " n"] | None = None
     normal_force: Float[np.ndarray, " n"] | None = None
     supply: Float[np.ndarray, " n"] | None = None
+    simulated: Float[np.ndarray, " n"] | None = None
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
     sampling: Sampling = Sampling()
     plant: Plant | None = None
@@ -132,7 +139,8 @@ class Recording(AbstractDisplayed):
     def _units(self) -> dict[str, str]:
         plant = self.plant or Plant()
         units = {"u": plant.input_unit, "x": plant.position_unit, "v": f"{plant.position_unit}/s"}
-        return {**units, "force": plant.force_unit}
+        answer = plant.force_unit if self.drive == "motion" else plant.position_unit
+        return {**units, "force": plant.force_unit, "simulated": answer}
 
     @property
     def t(self) -> Float[np.ndarray, " n"]:

@@ -10,9 +10,17 @@ from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.units import MEASURED_IN, parse_unit
 from frictionjax.recordings.words import listed, nearest, shown
 
-ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply")
+ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 CASE_KEYS = ("name", "plant", "recording", "model")
-PLANT_KEYS = ("motor_constant", "position_unit", "force_unit", "input_unit", "encoder_step", "inertia")
+PLANT_KEYS = (
+    "motor_constant",
+    "position_unit",
+    "force_unit",
+    "input_unit",
+    "encoder_step",
+    "inertia",
+    "hold",
+)
 RECORDING_KEYS = (
     "file",
     "role",
@@ -106,6 +114,7 @@ def parse_plant(table: dict[str, Any], spot: Spot) -> Plant:
         motor_constant=constant,
         encoder_step=positive(table, "encoder_step", spot, "Leave it out when it is unknown"),
         inertia=positive(table, "inertia", spot, "Leave it out when it is to be identified"),
+        hold=choice(table, "hold", ("zero", "linear", "auto"), spot),
         **{key: text(table, key, spot, longest=_LONGEST_UNIT) for key in units if key in table},
     )
 

@@ -24,9 +24,30 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
         ),
     ),
     "force": ("friction", "friction force", "friction torque", "f", "measured force", "kraft", "load cell"),
+    "simulated": (
+        *("sim", "simulation", "simulated output", "model", "model output", "simulink", "simscape", "mujoco"),
+    ),
 }
-"""Role -> names that people use for it, in lower case, words apart by blanks. Only for roles that a recording needs: a
-column that it can do without is never taken by a guess."""
+"""Role -> names that people use for it, in lower case, words apart by blanks. Only for roles that a recording needs,
+and for what a simulation gives; any other column that it can do without is never taken by a guess."""
+_SIMULATED = {
+    "force": (
+        *(
+            "x sim",
+            "sim x",
+            "x simulated",
+            "simulated x",
+            "x model",
+            "model x",
+            "position sim",
+            "sim position",
+        ),
+        *("position simulated", "simulated position", "position model", "model position", "angle sim"),
+        *("simulated angle", "theta sim", "q sim", "y sim"),
+    ),
+    "motion": ("force sim", "sim force", "force simulated", "simulated force", "force model", "model force"),
+}
+"""What a simulation gives, where the motor drives and where the motion is imposed."""
 _EITHER = ("torque", "moment", "drehmoment")
 """The input where the motor drives, and the measured force where the motion is imposed."""
 
@@ -34,6 +55,8 @@ _EITHER = ("torque", "moment", "drehmoment")
 def synonyms_of(role: str, drive: str) -> tuple[str, ...]:
     """The names that people use for a `role`, with a `drive` of `"force"` or `"motion"`."""
     names = SYNONYMS.get(role, ())
+    if role == "simulated":
+        return (*names, *_SIMULATED[drive])
     return (*names, *_EITHER) if role == ("force" if drive == "motion" else "u") else names
 
 

@@ -140,6 +140,7 @@ MEASURED_IN: dict[str, tuple[tuple[tuple[str, int], ...], ...]] = {
     "v": _SPEEDS,
     "force": (_FORCE, _TORQUE),
     "normal_force": (_FORCE, _TORQUE),
+    "simulated": (_ANGLE, _LENGTH, _FORCE, _TORQUE),
 }
 """Role -> the powers that its unit may have; a role that is not in it may have any."""
 

@@ -28,7 +28,7 @@ class Series(eqx.Module):
     **Attributes:**
 
     - `label`: what it is, in words.
-    - `colour`: `"measured"`, `"base"`, `"extended"` or `"band"`.
+    - `colour`: `"measured"`, `"base"`, `"extended"`, `"given"` or `"band"`.
     - `x`, `y`: in the units of the axes, shape `(n,)`; NaN makes a gap.
     - `low`: lower edge of a band whose upper edge is `y`, shape `(n,)`; None for a line.
     - `style`: `"line"`, `"thick"`, `"dashed"` or `"dots"`.

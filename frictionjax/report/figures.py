@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.recordings import Plant
 from frictionjax.report.chart import Chart, Panel, Series
 from frictionjax.report.format import engineering, quantity
@@ -32,8 +32,8 @@ def comparison(
 ) -> Chart:
     """Measured output and both models, the errors of their 0.1 s predictions, and the input.
 
-    The upper panel has the measured output (dark, on top), the predictions (solid) and the free runs (dashed);
-    in the middle panel, plus and minus twice the noise floor is shaded.
+    The upper panel has the measured output (dark, on top), the predictions (solid) and the free runs (dashed, the
+    user's own simulation among them); in the middle panel, plus and minus twice the noise floor is shaded.
 
     **Arguments:** as `Draw`; the arrays of `recording` have shape `(n,)`.
     """
@@ -58,6 +58,9 @@ def comparison(
         Series(f"{model}, 0.1 s ahead", model, t, shifted(y), style="thick")
         for y, model in zip(predicted, models, strict=True)
     ]
+    if recording.free_given is not None:
+        given = shifted(recording.free_given[window])
+        upper.append(Series("your simulation, free run", "given", t, given, style="dashed"))
     upper.append(Series("measured", "measured", t, shifted(measured)))
     # A free run may diverge, so the measured motion and the predictions set the limits.
     seen = limits(*(shifted(y) for y in (measured, *predicted)), margin=0.12)

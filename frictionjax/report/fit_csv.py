@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
 
 COLUMNS = (
     "t",
@@ -21,6 +21,7 @@ COLUMNS = (
     "residual_force",
     "residual_force_std",
 )
+OPTIONAL = ("force", "free_given")
 _HEADER = ",".join(COLUMNS)
 _LONGEST = 255 - len(".csv")  # bytes of a file's name that every usual file system takes
 _DIGITS = 8  # of the digest that stands for what is cut off or replaced
@@ -63,15 +64,15 @@ def is_fit_csv(path: Path) -> bool:
 
 
 def write_fit_csv(recording: RecordingFit, file: Path) -> None:
-    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits;
-    the measured `force` after them where it is the answer.
+    """Write one recording's fit/<recording>.csv: columns `COLUMNS`, one row a sample, nine significant digits; after
+    them those of `OPTIONAL` that it has: the measured `force` where that is the answer, and the user's own simulation.
 
     **Arguments:**
 
     - `recording`: arrays of shape `(n,)`; t in s, the others in the units of the plant.
     - `file`: the file to write.
     """
-    columns = COLUMNS if recording.force is None else (*COLUMNS, "force")
+    columns = (*COLUMNS, *(name for name in OPTIONAL if getattr(recording, name) is not None))
     table = np.column_stack([np.asarray(getattr(recording, name), float) for name in columns])
     row = ",".join(["%.9g"] * len(columns)) + "\n"
     with file.open("w", encoding="ascii", newline="") as stream:

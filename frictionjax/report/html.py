@@ -30,16 +30,26 @@ def pair(before: str, after: str | None) -> Markup:
     return macro("pair", before, after)
 
 
-def legend(extended: bool, *extra: tuple[str, str], marks: bool = False) -> Markup:
+MODELS = (("base", "base model"), ("extended", "extended model"))
+"""CSS class and words of the models of a page."""
+
+
+def legend(
+    extended: bool,
+    *extra: tuple[str, str],
+    marks: bool = False,
+    models: Sequence[tuple[str, str]] = MODELS,
+) -> Markup:
     """What the colours of a chart mean.
 
     **Arguments:**
 
-    - `extended`: whether the extended model is drawn.
+    - `extended`: whether the second model, the extended one, is drawn.
     - `extra`: further `(css class, words)`, drawn as swatches in front.
     - `marks`: whether the models are drawn as the dot and the square of a gauge, not as lines.
+    - `models`: `(css class, words)` of the one or two that are drawn.
     """
-    return macro("legend", extended, list(extra), marks)
+    return macro("legend", list(models[: 2 if extended else 1]), list(extra), marks)
 
 
 class Drawn(NamedTuple):

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
+from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_of
@@ -20,20 +21,18 @@ from frictionjax.diagnosis.verdict import (
     Candidate,
     Ceiling,
     Diagnosis,
-    Horizon,
     MismatchBin,
     MissingEffect,
     NextExperiment,
-    RecordingFit,
+    SimulationAsGiven,
     Unexplained,
-    Unmeasured,
     Verdict,
     Within,
 )
 from frictionjax.exchange.table import Table
 from frictionjax.recordings import Plant
 from frictionjax.recordings.words import require_file, shown
-from frictionjax.report.fit_csv import COLUMNS
+from frictionjax.report.fit_csv import COLUMNS, OPTIONAL
 from frictionjax.report.save import SCHEMA
 
 _T = TypeVar("_T")
@@ -90,6 +89,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             effort=_rebuilt(Effort(), searched.table("effort").content),
             unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
             ceiling=_if_there(root, "ceiling", Ceiling),
+            given=_as_given(root),
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, folder / "verdict.json") from error
@@ -98,6 +98,17 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
 def _if_there(root, name: str, kind: Callable[..., _T]) -> _T | None:
     """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
     return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
+
+
+def _as_given(root: Table) -> SimulationAsGiven | None:
+    """The comparison with the user's own simulation; None where there is none."""
+    if root.content.get("as_given") is None:
+        return None
+    table = root.table("as_given")
+    bins = tuple(MismatchBin(**_numbered(entry.content)) for entry in table.listed("mismatch"))
+    return SimulationAsGiven(
+        cast(Any, table.text("source")), table.text("sentence"), table.text("where"), bins
+    )
 
 
 class _Searched(NamedTuple):
@@ -189,16 +200,14 @@ def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) 
     """The recording of this `name`, whose extended model leaves the residual force `left`."""
     role = entry.text("role")
     columns: dict[str, Any] = dict(_csv(require_file(folder / entry.text("file"))))
+    models = ("base", "extended", *(("given",) if "given" in entry.content else ()))
     errors = {
         f"{kind}_{model}": entry.table(model).number(kind)
-        for model in ("base", "extended")
-        for kind in ("free_run_rmse", "prediction_rmse")
+        for model in models
+        for kind in ("free_run_rmse", "prediction_rmse", "increment_rmse")
+        # What a model has not is null, or absent in what earlier versions saved; what is not finite is null as well.
+        if kind == "free_run_rmse" or entry.table(model).content.get(kind) is not None or _must(kind, model)
     }
-    if "given" in entry.content:
-        errors |= {
-            f"{kind}_given": entry.table("given").number(kind)
-            for kind in ("free_run_rmse", "prediction_rmse")
-        }
     horizons = entry.listed("horizons") if "horizons" in entry.content else []
     return RecordingFit(
         name=name,
@@ -214,11 +223,16 @@ def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) 
     )
 
 
+def _must(kind: str, model: str) -> bool:
+    """Whether every diagnosis has this error of this model: null is then a number that is not finite."""
+    return kind == "prediction_rmse" and model != "given"
+
+
 def _csv(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
     """The columns of a recording's file, shape `(n,)` each."""
     with path.open(encoding="ascii", errors="replace") as stream:
         header = stream.readline().strip().split(",")
-        needed = COLUMNS if "force" not in header else (*COLUMNS, "force")
+        needed = (*COLUMNS, *(name for name in OPTIONAL if name in header))
         lacking = [name for name in needed if name not in header]
         if lacking:
             raise InputError(f"there is no column `{lacking[0]}`", file=path, place="line 1", cure=_AGAIN)

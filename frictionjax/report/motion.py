@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.mismatch_map.history import last_rest, since_reversal
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.estimation.start.sliding import WINDOWS, smooth_motion
 from frictionjax.recordings import Plant, Recording
 

@@ -14,9 +14,10 @@ from typing import Any
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.core.json import plain_json
+from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_json
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Case
 from frictionjax.recordings.words import shown
 from frictionjax.report.claim import Claim, claimed, uninterrupted
@@ -25,7 +26,8 @@ from frictionjax.report.page import write_report
 from frictionjax.report.replace import CURE, FILES, VERDICT, put_in_place, refuse_foreign
 
 SCHEMA = "frictionjax.verdict/1"
-_BYTES_A_SAMPLE = 176  # of fit/*.csv and comparisons.json, eleven numbers of up to 15 characters and a sign
+_BYTES = 16  # of a number of fit/*.csv and comparisons.json: up to 15 characters and a sign
+_NUMBERS = 11  # a sample; one more where there is a simulation of the user's
 
 
 def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -122,6 +124,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "unmeasured_force": diagnosis.unmeasured and dataclasses.asdict(diagnosis.unmeasured),
         "ceiling": diagnosis.ceiling and dataclasses.asdict(diagnosis.ceiling),
+        "as_given": diagnosis.given and dataclasses.asdict(diagnosis.given),
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)
@@ -177,7 +180,9 @@ def check_writable(directory: str | Path, case: Case | None = None) -> None:
         if (directory / "fit").exists() and not (directory / "fit").is_dir():
             raise InputError("is a file where a directory is to go", file=directory / "fit", cure=CURE)
         refuse_foreign(directory, [Path("fit", name) for name in files])
-        needed = _BYTES_A_SAMPLE * sum(recording.x.size for recording in recordings)
+        modelled = case is not None and case.model is not None
+        counts = (_NUMBERS + (modelled or one.simulated is not None) for one in recordings)
+        needed = _BYTES * sum(count * one.x.size for count, one in zip(counts, recordings, strict=True))
         if shutil.disk_usage(anchor).free < needed:
             problem = f"has no room for the result, which takes {needed / 1e6:.3g} MB"
             raise InputError(problem, file=anchor, cure=CURE)
@@ -244,29 +249,18 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
 
 
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
-    given: dict[str, Any] = {}
-    if recording.prediction_rmse_given is not None:
-        given["given"] = {
-            "free_run_rmse": recording.free_run_rmse_given,
-            "prediction_rmse": recording.prediction_rmse_given,
-        }
-    return {
-        "role": recording.role,
-        "noise_floor": recording.noise_floor,
-        "base": {
-            "free_run_rmse": recording.free_run_rmse_base,
-            "prediction_rmse": recording.prediction_rmse_base,
-            "unmeasured_force": recording.unmeasured_base and dataclasses.asdict(recording.unmeasured_base),
-        },
-        "extended": {
-            "free_run_rmse": recording.free_run_rmse_extended,
-            "prediction_rmse": recording.prediction_rmse_extended,
-            "unmeasured_force": recording.unmeasured_extended
-            and dataclasses.asdict(recording.unmeasured_extended),
-        },
-        **given,
-        "horizons": [dataclasses.asdict(horizon) for horizon in recording.horizons],
+    models = ("base", "extended", *(("given",) if recording.free_run_rmse_given is not None else ()))
+    kinds = ("free_run_rmse", "prediction_rmse", "increment_rmse")
+    errors: dict[str, dict[str, Any]] = {
+        model: {kind: getattr(recording, f"{kind}_{model}") for kind in kinds} for model in models
     }
+    for model in ("base", "extended"):
+        if errors[model]["increment_rmse"] is None:
+            del errors[model]["increment_rmse"]
+        lacking = getattr(recording, f"unmeasured_{model}")
+        errors[model]["unmeasured_force"] = lacking and dataclasses.asdict(lacking)
+    horizons = [dataclasses.asdict(horizon) for horizon in recording.horizons]
+    return {"role": recording.role, "noise_floor": recording.noise_floor, **errors, "horizons": horizons}
 
 
 def _write_numbers(diagnosis: Diagnosis, directory: Path) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from frictionjax.core.quantities import times
 from frictionjax.diagnosis.findings.summary import free_sentence
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.report.format import percent, quantities, words
 from frictionjax.report.series import is_extended
 

@@ -3,7 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 
 COLUMNS = 700  # of an envelope: about one for each pixel of a panel
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from helpers_estimation import PLANT
 
+from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
+from frictionjax.diagnosis.recording_fit import Unmeasured
+from frictionjax.diagnosis.verdict import Unexplained
 
 VALID = np.array([[0.0, 1.0, 1.0, 1.0]])
 
@@ -32,3 +35,16 @@ def test_the_applied_force_is_that_of_the_motor():
 def test_under_an_imposed_motion_it_is_the_measured_force():
     found = unmeasured_force(model(None, np.array([[99.0, 3.0, -3.0, 3.0]])), 0.2)
     assert found.of_applied == pytest.approx(0.2 * float(PLANT.friction.Fc) / 3.0)
+
+
+def test_an_unmeasured_force_is_not_called_noise():
+    force = Unmeasured(0.0523, 0.121, 0.0456)
+    found = summary_sentence("adequate", (), Unexplained(False, 0.0, ""), "", (), force, "N*m")
+    assert (
+        "an unmeasured force of 0.052 N*m rms (12 % of Coulomb friction, 4.6 % of the applied force)" in found
+    )
+    assert "to the noise" not in found
+    small = summary_sentence(
+        "adequate", (), Unexplained(False, 0.0, ""), "", (), Unmeasured(0.01, 0.02, 0.004), "N*m"
+    )
+    assert small.endswith("explains the recordings to the noise.")

@@ -18,7 +18,7 @@ from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, 
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import most_left, verdict_of
 from frictionjax.diagnosis.table import Comparison, Lead, Table
-from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained, Unmeasured
+from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
 
@@ -266,17 +266,6 @@ NOTHING = Unexplained(False, 0.0, "")
 def test_an_adequate_model_is_reported_in_one_sentence():
     found = summary_sentence("adequate", (), NOTHING, "nowhere above the noise", (fake_recording(n=200),))
     assert found == "Nothing significant is missing: the base model explains the recordings to the noise."
-
-
-def test_an_unmeasured_force_is_not_called_noise():
-    force = Unmeasured(0.0523, 0.121, 0.0456)
-    found = summary_sentence("adequate", (), NOTHING, "", (), force, "N*m")
-    assert (
-        "an unmeasured force of 0.052 N*m rms (12 % of Coulomb friction, 4.6 % of the applied force)" in found
-    )
-    assert "to the noise" not in found
-    small = summary_sentence("adequate", (), NOTHING, "", (), Unmeasured(0.01, 0.02, 0.004), "N*m")
-    assert small.endswith("explains the recordings to the noise.")
 
 
 def test_the_named_effect_its_place_and_the_held_out_error_are_reported():

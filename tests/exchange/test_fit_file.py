@@ -53,6 +53,18 @@ def result():
     )
 
 
+def test_what_the_input_does_between_samples_comes_back(result):
+    """Files without a word of it are of held inputs, as those of earlier versions."""
+    assert '"hold"' not in fit_to_json(result)
+    linear = dataclasses.replace(result, drive=dataclasses.replace(result.drive, hold="linear"))
+    text = fit_to_json(linear)
+    assert_same(fit_from_json(text), linear)
+    with pytest.raises(
+        InputError, match=r'field `drive.hold`: "first" is no hold of the input. Write zero or linear'
+    ):
+        fit_from_json(text.replace('"hold": "linear"', '"hold": "first"'))
+
+
 def assert_same(back, result):
     """All that is saved is the same to the last bit."""
     assert eqx.tree_equal(back.drive, result.drive)

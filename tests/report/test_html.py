@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis, fake_recording
 
-from frictionjax.diagnosis.verdict import Candidate, MismatchBin, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, MismatchBin, SimulationAsGiven, Unexplained
 from frictionjax.recordings import Plant
+from frictionjax.report.figures import comparison
 from frictionjax.report.format import quantity
 from frictionjax.report.page import render
 from frictionjax.report.sections.candidates import Candidates
@@ -149,6 +150,27 @@ def test_the_user_s_own_model_as_given_has_columns_of_its_own():
     for error in (0.123456, 0.234567):
         assert quantity(error, found.plant.position_unit) in page
     assert "your model as given" not in render(found)
+
+
+def test_the_user_s_simulation_has_a_line_a_sentence_and_a_map_of_its_own():
+    found = fake_diagnosis()
+    first, *others = found.recordings
+    moved = first.x + 1e-5 * np.sin(7.0 * first.t)
+    first = replace(first, free_given=moved, free_run_rmse_given=0.234567, increment_rmse_given=0.345678)
+    bins = (MismatchBin("regime", "sliding", 1.0, 77.0, 1.5, 1000, 0.005),)
+    given = SimulationAsGiven("column", "Your simulation misses it by much.", "sliding", bins)
+    page = render(replace(found, recordings=(first, *others), given=given))
+    assert page.count("Your simulation misses it by much.") == 2
+    assert "Where your simulation misses" in page and 'class="axes as-given"' in page
+    assert "your simulation as given: free-run error" in page and "prediction error" in page
+    assert "as given: prediction error" not in page
+    for error in (0.234567, 0.345678):
+        assert quantity(error, found.plant.position_unit) in page
+    drawn = comparison(first, found.plant, True, slice(None))
+    (line,) = (one for one in drawn.panels[0].series if one.colour == "given")
+    assert line.label == "your simulation, free run" and line.y.size == first.t.size
+    plain = render(found)
+    assert "Where your simulation misses" not in plain and "your simulation" not in plain
 
 
 def test_bins_that_are_not_significant_are_grey(page):

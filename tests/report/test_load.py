@@ -10,9 +10,10 @@ from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
 import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
+from frictionjax.diagnosis.recording_fit import Unmeasured
 from frictionjax.diagnosis.rule import Limits, Rule
 from frictionjax.diagnosis.table import Comparison, Lead, Table
-from frictionjax.diagnosis.verdict import NextExperiment, Unmeasured
+from frictionjax.diagnosis.verdict import MismatchBin, NextExperiment, SimulationAsGiven
 from frictionjax.report.save import comparisons_json, verdict_json
 
 
@@ -41,11 +42,19 @@ def _full():
         rule=Rule(limits=Limits(one=0.0625)),
         effort=Effort(rounds=2, screening=Screening(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
+        given=SimulationAsGiven(
+            "column", "It misses.", "sliding", (MismatchBin("regime", "sliding", 1.0, 9.0),)
+        ),
     )
 
 
 def _as_given(recording):
-    return dataclasses.replace(recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125)
+    """Of two kinds: a model of the case, and a column of the recording, which predicts nothing."""
+    if recording.role == "fit":
+        return dataclasses.replace(recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125)
+    return dataclasses.replace(
+        recording, free_run_rmse_given=0.25, free_given=recording.x + 1e-4, increment_rmse_given=0.0625
+    )
 
 
 @pytest.mark.parametrize("make", [_full, fake_diagnosis, adequate_diagnosis])
@@ -62,6 +71,8 @@ def test_what_was_saved_comes_back(make, tmp_path):
         for name in ("t", "u", "x", "predicted_extended", "residual_force_extended", "residual_force_std"):
             np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-8, atol=1e-12)
         assert (one.force is None) == (other.force is None)
+        assert (one.free_given is None) == (other.free_given is None)
+        assert (one.prediction_rmse_given is None) == (other.prediction_rmse_given is None)
 
 
 def test_what_is_not_finite_comes_back_as_such(tmp_path):

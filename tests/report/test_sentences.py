@@ -8,7 +8,8 @@ import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.verdict import Candidate, Ceiling, Horizon, MissingEffect, Unexplained, Unmeasured
+from frictionjax.diagnosis.recording_fit import Horizon, Unmeasured
+from frictionjax.diagnosis.verdict import Candidate, Ceiling, MissingEffect, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.headline import Headline, limiting

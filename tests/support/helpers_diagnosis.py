@@ -3,15 +3,13 @@
 import numpy as np
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
 from frictionjax.diagnosis.verdict import (
     Candidate,
     Diagnosis,
-    Horizon,
     MismatchBin,
     MissingEffect,
-    RecordingFit,
     Unexplained,
-    Unmeasured,
     Within,
 )
 from frictionjax.recordings import Plant

@@ -35,6 +35,7 @@ from frictionjax.diagnosis.mismatch_map.conditions import (
     parts_within,
 )
 from frictionjax.diagnosis.mismatch_map.where_words import lead_of, stands_out, where_words
+from frictionjax.diagnosis.recording_fit import Unmeasured
 from frictionjax.diagnosis.refitting.refitted import ease_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable, best_clear, choose, nearly_all
@@ -42,7 +43,7 @@ from frictionjax.diagnosis.selection.candidate_table import excused_floor, may_e
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import adequate, verdict_of
 from frictionjax.diagnosis.table import Comparison, Gains, Lead, Table
-from frictionjax.diagnosis.verdict import MismatchBin, Unexplained, Unmeasured, Within
+from frictionjax.diagnosis.verdict import MismatchBin, Unexplained, Within
 
 Probe = tuple[Callable[[Rule], Any], Any]
 

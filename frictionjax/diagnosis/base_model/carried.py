@@ -74,7 +74,7 @@ def carried(
     if not credibility(with_force, rule=rule).is_credible(rule=rule):
         return None
     drive = with_force.judgement.drive
-    plain = Drive(drive.J, drive.friction, drive.motor_constant)
+    plain = dataclasses.replace(drive, effects=())
     base = fit([plain, *starting.start.drives], like=with_force)
     fitted = dataclasses.replace(first, effect=drive.effects[-1], drives=(plain,))
     return Carried(base, (fitted, *forces[1:]))

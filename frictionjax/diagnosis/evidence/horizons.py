@@ -4,14 +4,15 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.views import View, ahead_samples
-from frictionjax.diagnosis.verdict import Horizon, Unmeasured
+from frictionjax.diagnosis.recording_fit import Horizon, Unmeasured
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
 
 def rms_error(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
     """Root mean square of what a `model` is off from what was `measured`; infinite where a run overflows."""
-    value = float(np.sqrt(np.mean((model - measured) ** 2)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        value = float(np.sqrt(np.mean((model - measured) ** 2)))
     return value if np.isfinite(value) else float("inf")
 
 

@@ -1,15 +1,33 @@
 """What base and extended model make of each recording."""
 
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.horizons import horizons_of, lacking_force, rms_error
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width
 from frictionjax.diagnosis.evidence.judgement import Scene
-from frictionjax.diagnosis.evidence.views import View, ahead_samples, force_bandwidth
-from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.diagnosis.evidence.views import Given, View, ahead_samples, force_bandwidth
+from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import residual_force_std
+
+
+def _increment_rmse(
+    run: Float[np.ndarray, " n"] | None, measured: Float[np.ndarray, " n"], horizon: int
+) -> float | None:
+    """Root mean square error of what a free `run` moves in `horizon` samples against what was measured to move; None
+    without a run.
+
+    It is the error of a run that is put on the measured position each time and keeps its own velocity: the drift of
+    long ago does not count, and it needs no observer.
+    """
+    if run is None:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = run - measured
+        moved = off[horizon:] - off[:-horizon]
+    return rms_error(moved, np.zeros_like(moved))
 
 
 def recording_fits(
@@ -18,7 +36,7 @@ def recording_fits(
     base: View,
     extended: View,
     base_drive: Drive,
-    given: View | None = None,
+    given: Given | None = None,
 ) -> tuple[RecordingFit, ...]:
     """One `RecordingFit` per recording.
 
@@ -28,7 +46,7 @@ def recording_fits(
     - `scene`: the same recordings, in arrays.
     - `base`, `extended`: what the two models predict.
     - `base_drive`: for the standard deviation of the residual force.
-    - `given`: what the user's own model predicts, as it was given; None where there is none.
+    - `given`: what the user's own simulation predicts, as it was given; None where there is none.
     """
     fits = []
     for row, recording in enumerate(recordings):
@@ -46,6 +64,8 @@ def recording_fits(
             applied = float(base_drive.motor_constant) * recording.u
         # Nothing is predicted before the first horizon has passed.
         scored = slice(horizon, n)
+        own = None if given is None or not given.there[row] else given.free[row, :n]
+        own_ahead = None if own is None or given is None or given.ahead is None else given.ahead[row, scored]
         fits.append(
             RecordingFit(
                 name=recording.name,
@@ -70,10 +90,12 @@ def recording_fits(
                 prediction_rmse_extended=rms_error(extended.ahead[row, scored], measured[scored]),
                 drive=recording.drive,
                 force=recording.force if recording.drive == "motion" else None,
-                free_run_rmse_given=None if given is None else rms_error(given.free[row, :n], measured),
-                prediction_rmse_given=None
-                if given is None
-                else rms_error(given.ahead[row, scored], measured[scored]),
+                free_run_rmse_given=None if own is None else rms_error(own, measured),
+                prediction_rmse_given=None if own_ahead is None else rms_error(own_ahead, measured[scored]),
+                free_given=own,
+                increment_rmse_base=_increment_rmse(base.free[row, :n], measured, horizon),
+                increment_rmse_extended=_increment_rmse(extended.free[row, :n], measured, horizon),
+                increment_rmse_given=_increment_rmse(own, measured, horizon),
             )
         )
     return tuple(fits)

@@ -1,12 +1,13 @@
 """What a model predicts for every recording: free run, prediction 0.1 s ahead, residual force."""
 
 import dataclasses
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
@@ -48,6 +49,19 @@ class View(eqx.Module):
     e: Float[np.ndarray, "r n"]
     one_sample: Float[np.ndarray, "r n"] | None = None
     one_second: Float[np.ndarray, "r n"] | None = None
+
+
+class Given(eqx.Module):
+    """What the user's own simulation, as it was given, predicts.
+
+    **Attributes:** `source` (as in `SimulationAsGiven`), `there` (which recordings have one, bool, shape `(r,)`), the
+    `free` run, and the prediction 0.1 s `ahead` (None where no measured sample corrects it), shape `(r, n)`.
+    """
+
+    source: Literal["column", "model"] = eqx.field(static=True)
+    there: Bool[np.ndarray, " r"]
+    free: Float[np.ndarray, "r n"]
+    ahead: Float[np.ndarray, "r n"] | None
 
 
 class _Along(eqx.Module):

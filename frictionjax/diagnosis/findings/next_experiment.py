@@ -5,6 +5,8 @@ difference that remains, over the sensor's noise, is the d' of the experiment (i
 with the square root of its duration.
 """
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +15,6 @@ from frictionjax.core import InputError
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.verdict import NextExperiment
 from frictionjax.information import rank_for_discrimination
-from frictionjax.physics import Drive
 
 _SECONDS = 4.0  # of each candidate
 
@@ -77,7 +78,7 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
     batch = accepted.model.posterior.batch
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
-    without = Drive(drive.J, drive.friction, drive.motor_constant, drive.effects[:-1])
+    without = dataclasses.replace(drive, effects=drive.effects[:-1])
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)
     candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
     noise = float(np.median(np.asarray(batch.noise)))

@@ -5,6 +5,7 @@ from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View
+from frictionjax.diagnosis.findings.as_given import column_as_given, simulation_as_given
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case
@@ -39,18 +40,22 @@ def not_diagnosed(
     - `seconds`: stage -> s.
     """
     recordings = case.fit_recordings + case.holdout_recordings
+    column = column_as_given(recordings, scene)
+    fits = recording_fits(recordings, scene, predicted, predicted, base.judgement.drive, column)
+    given = simulation_as_given(column, fits, case.plant, None, extended=False)
     return Diagnosis(
         case=case.name,
         plant=case.plant,
         verdict="unknown",
-        summary=f"{cure or CHECK} {_NOTHING}",
+        summary=" ".join([cure or CHECK, _NOTHING, *([given.sentence] if given else [])]),
         missing=(),
         unexplained=Unexplained(True, 1.0, ""),
         mismatch=(),
         base=parameters,
         extended=parameters,
-        recordings=recording_fits(recordings, scene, predicted, predicted, base.judgement.drive),
+        recordings=fits,
         candidates=tuple(Candidate(name, float("nan"), {}, False, REASON) for name in catalogue()),
         warnings=warnings,
         seconds=seconds,
+        given=given,
     )

@@ -1,7 +1,8 @@
 """The verdict in plain words."""
 
+from frictionjax.diagnosis.recording_fit import RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.verdict import Ceiling, MissingEffect, RecordingFit, Unexplained, Unmeasured
+from frictionjax.diagnosis.verdict import Ceiling, MissingEffect, SimulationAsGiven, Unexplained
 
 
 def summary_sentence(
@@ -15,6 +16,7 @@ def summary_sentence(
     ceiling: Ceiling | None = None,
     *,
     position_unit: str = "",
+    given: SimulationAsGiven | None = None,
     rule: Rule = Rule(),
 ) -> str:
     """The sentence that opens the report.
@@ -29,8 +31,27 @@ def summary_sentence(
     - `unmeasured`: the force that the model needs beside it, in the force `unit`.
     - `ceiling`: what a free force would explain beside the last model.
     - `position_unit`: of the errors; those of an imposed motion are in the force `unit`.
+    - `given`: the user's own simulation, compared; its sentence is the last one where it is a column of the recordings.
     - `rule`: from where that force is stated.
     """
+    text = _verdict_sentence(
+        verdict, missing, unexplained, where, fits, unmeasured, unit, ceiling, position_unit, rule
+    )
+    return text if given is None or given.source == "model" else f"{text} {given.sentence}"
+
+
+def _verdict_sentence(
+    verdict: str,
+    missing: tuple[MissingEffect, ...],
+    unexplained: Unexplained,
+    where: str,
+    fits: tuple[RecordingFit, ...],
+    unmeasured: Unmeasured | None,
+    unit: str,
+    ceiling: Ceiling | None,
+    position_unit: str,
+    rule: Rule,
+) -> str:
     if verdict == "adequate":
         if unmeasured is not None and unmeasured.of_applied > rule.limits.unmeasured:
             return (

@@ -3,7 +3,7 @@
 import numpy as np
 
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.verdict import Unmeasured
+from frictionjax.diagnosis.recording_fit import Unmeasured
 
 
 def unmeasured_force(model: Model, of_coulomb: float) -> Unmeasured:

@@ -63,6 +63,26 @@ def _check_channels(case: Case, recording: Recording) -> None:
         )
 
 
+def check_simulated(case: Case) -> None:
+    """Raise the `InputError` for a recording of the `case` whose `simulated` is not one finite number a sample."""
+    for recording in case.recordings:
+        if recording.simulated is None:
+            continue
+        shape, size = np.shape(recording.simulated), recording.x.size
+        if shape != (size,):
+            problem = f"`simulated` has the shape {shape}, and there are {size} samples"
+        elif wrong := np.flatnonzero(~np.isfinite(recording.simulated)).tolist():
+            problem = f"{len(wrong)} values of simulated are not finite, the first at sample {wrong[0]}"
+        else:
+            continue
+        raise InputError(
+            problem,
+            file=case.name,
+            place=f"recording {recording.name}",
+            cure="Simulate the whole recording, sample by sample, or leave `simulated` out",
+        )
+
+
 def _moves(recording: Recording, encoder_step: float | None) -> bool:
     """Whether `x` varies by more than white noise does: in its samples, or in its means over 50 ms."""
     noise, x = noise_level(recording, encoder_step), recording.x

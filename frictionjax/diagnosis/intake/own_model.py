@@ -49,7 +49,7 @@ class OwnModel(eqx.Module):
             own["Fc"] = own["Fs"] * float(friction.Fc / friction.Fs)
         names = [parameter.name for parameter in friction.parameters]
         values: dict[str, Any] = {name: own.get(name, getattr(friction, name)) for name in names}
-        return Drive(J, LuGre(**values), drive.motor_constant, self.effects)
+        return Drive(J, LuGre(**values), drive.motor_constant, self.effects, drive.hold)
 
 
 def own_model(case: Case) -> OwnModel:

@@ -12,7 +12,7 @@ from jaxtyping import Bool
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.intake.checks import check_usable
+from frictionjax.diagnosis.intake.checks import check_simulated, check_usable
 from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
@@ -63,10 +63,14 @@ def starting_point(case: Case) -> StartingPoint:
 
 
 def starts_of(case: Case) -> tuple[Start, OwnModel]:
-    """Starting values of the fitted recordings of a `case`, with what its own model gives; and that model."""
+    """Starting values of the fitted recordings of a `case`, with what its own model gives, and the input held where
+    nothing else was decided; and that model."""
     own = own_model(case)
     if case.fit_recordings[0].drive == "force":
-        return starting_values_beside(own, case)
+        start, own = starting_values_beside(own, case)
+        hold = "linear" if case.plant.hold == "linear" else "zero"
+        drives = tuple(dataclasses.replace(drive, hold=hold) for drive in start.drives)
+        return dataclasses.replace(start, drives=drives), own
     start = starting_values_imposed(case.fit_recordings, inertia=case.plant.inertia)
     return dataclasses.replace(start, drives=tuple(own.applied(drive) for drive in start.drives)), own
 
@@ -111,6 +115,7 @@ def check(case: Case, *, effort: Effort = Effort()) -> None:
             file=case.name,
             cure="give each a name of its own: results are listed by it",
         )
+    check_simulated(case)
     if not imposed:
         _check_cost(case, effort)
         check_usable(case)

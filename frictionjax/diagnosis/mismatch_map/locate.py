@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.views import View
-from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.axes import Axis, Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
@@ -23,6 +23,8 @@ from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, stat
 from frictionjax.diagnosis.mismatch_map.where_words import divergence, lead_of, where_words
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
+from frictionjax.physics import Drive
+from frictionjax.recordings import Plant
 
 
 class Located(eqx.Module):
@@ -84,6 +86,34 @@ def locate(
     lead = lead_of(bins, unions, rule=rule)
     within = parts_within(lead, axes, e**2, scene, rule=rule) if lead else ()
     return Located(bins, within, where_words(bins, unions, within, rule=rule))
+
+
+def map_of(
+    base: View,
+    extended: View,
+    drive: Drive,
+    plant: Plant,
+    scene: Scene,
+    floor: Float[np.ndarray, "r b"],
+    mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
+) -> Located:
+    """The map of `locate` along the axes that suit the recordings.
+
+    **Arguments:**
+
+    - `base`, `extended`: what the two models predict; the first one's observed motion says in which bin a sample lies.
+    - `drive`: the base model.
+    - `plant`: for units.
+    - `scene`, `floor`, `mapping`, `rule`: as in `locate`.
+    """
+    batch = scene.batch
+    inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
+    axes = axes_of(Motion(np.asarray(batch.x), base.v, base.bend, inputs), drive, plant, scene)
+    if batch.inputs is None:
+        axes = tuple(axis for axis in axes if axis.name != "input")
+    return locate(base, extended, axes, scene, floor, mapping=mapping, rule=rule)
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:

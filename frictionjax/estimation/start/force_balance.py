@@ -158,4 +158,5 @@ def _with_friction(start: Drive, fit: SlidingFit, motions: tuple[SlidingMotion, 
     stiffness = float(old.sigma0) * Fs / float(old.Fs)
     J = fit.J if fit.J > 0.0 else float(start.J)
     sigma2 = max(fit.sigma2, 0.01 * Fc / fit.top_speed)
-    return Drive(J, LuGre(stiffness, np.sqrt(stiffness * J), sigma2, Fc, Fs, old.vs), start.motor_constant)
+    friction = LuGre(stiffness, np.sqrt(stiffness * J), sigma2, Fc, Fs, old.vs)
+    return dataclasses.replace(start, J=J, friction=friction, effects=())

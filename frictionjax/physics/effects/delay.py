@@ -13,7 +13,8 @@ from frictionjax.physics.push import Push
 
 
 class Delay(AbstractInputEffect):
-    """The plant receives u(t - delay).
+    """The plant receives u(t - delay), as it seems to where the recorder's clock stamps u too early; below a sample a
+    lag looks the same.
 
     For an input held between samples the delayed input changes once within a sample, from one of two neighbours to the
     other: mean and first moment are exact, which makes the delay differentiable (an integer shift would have no

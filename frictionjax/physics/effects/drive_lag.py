@@ -16,7 +16,8 @@ from frictionjax.physics.push import Push
 class DriveLag(AbstractInputEffect):
     """time_constant di/dt = u - i, the plant receives i; solved exactly for an input held between samples.
 
-    Mean and first moment of the current are exact in each sample.
+    Mean and first moment of the current are exact in each sample. Below a sample a lag, a delay and a clock that stamps
+    u too early are one class: all shift the force by a part of a sample.
 
     **Arguments:**
 

@@ -21,7 +21,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _LINE_OF_NUMBERS = re.compile(r'^[ \t"+-]*[\d,].*$', re.ASCII | re.MULTILINE)
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)|(?<![\w.]),(?=\d)", re.ASCII)
 _NO_VALUE = {"", "na", "n/a", "null", "none"}
-_ROLES = {"t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply"}
+_ROLES = {"t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated"}
 # Columns of a file without a header that has exactly so many of them.
 _BARE = {2: ("u", "x"), 3: ("t", "u", "x")}
 _HEAD = 400  # lines from which the layout is read

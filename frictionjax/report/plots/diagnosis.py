@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis import Diagnosis
-from frictionjax.diagnosis.verdict import MismatchBin, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import MismatchBin
 from frictionjax.report.canvas import BAND, BASE, EXTENDED, band, line
 from frictionjax.report.figures import answer_of
 from frictionjax.report.format import engineering, quantity, words

@@ -7,7 +7,7 @@ from frictionjax.report.sections.friction import Friction
 from frictionjax.report.sections.glossary import Glossary
 from frictionjax.report.sections.headline import Headline
 from frictionjax.report.sections.horizons import Horizons
-from frictionjax.report.sections.mismatch import Mismatch
+from frictionjax.report.sections.mismatch import Mismatch, SimulationMisses
 from frictionjax.report.sections.missing import Missing
 from frictionjax.report.sections.parameters import Parameters
 from frictionjax.report.sections.record import Record
@@ -20,6 +20,7 @@ SECTIONS: tuple[AbstractSection, ...] = (
     Comparison(),
     Residual(),
     Mismatch(),
+    SimulationMisses(),
     Errors(),
     Horizons(),
     Parameters(),

@@ -4,7 +4,8 @@ from typing import ClassVar
 
 from markupsafe import Markup
 
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Plant
 from frictionjax.report import figures
 from frictionjax.report.format import quantities, quantity
@@ -38,7 +39,8 @@ class Comparison(AbstractSection):
         closer = "the extension improves the fit most" if extended else "the model fits worst"
         if extended and diagnosis.verdict == "unknown":
             closer += ". " + _IN_PART
-        key = legend(extended, ("measured", "measured"), ("band", "± 2 noise floors"))
+        own = [("given", "your simulation as given")] if diagnosis.given is not None else []
+        key = legend(extended, ("measured", "measured"), ("band", "± 2 noise floors"), *own)
         return fill("charts.html.j2", intro=[f"{_INTRO}{closer}."], legend=key, groups=groups, notes=notes)
 
 
@@ -53,11 +55,23 @@ class Errors(AbstractSection):
             return Markup("")
         extended = is_extended(diagnosis)
         head = ["recording", "role", "noise floor", "prediction error", "free-run error"]
+        said = ["Root mean square: of predicting 0.1 s ahead, and of a free run from the first sample."]
+        if any(recording.free_run_rmse_given is not None for recording in recordings):
+            column = diagnosis.given is not None and diagnosis.given.source == "column"
+            whose = "your simulation as given" if column else "your model as given"
+            head += ["error of the motion over 0.1 s in the free run", f"{whose}: free-run error"]
+            head += [f"{whose}: error of the motion over 0.1 s"]
+            said.append(_MOTION)
         if any(recording.prediction_rmse_given is not None for recording in recordings):
-            head += ["your model as given: prediction error", "your model as given: free-run error"]
+            head.append("your model as given: prediction error")
         rows = [_row(recording, diagnosis.plant, extended, len(head)) for recording in recordings]
-        said = "Root mean square: of predicting 0.1 s ahead, and of a free run from the first sample."
-        return fill("prose.html.j2", sentences=[said], below=table(head, rows))
+        return fill("prose.html.j2", sentences=said, below=table(head, rows))
+
+
+_MOTION = (
+    "The motion over 0.1 s is what a free run moves in that time, from the measured position and with its own "
+    "velocity: no measured sample corrects it, so that simulations and models are compared alike."
+)
 
 
 def _row(recording: RecordingFit, plant: Plant, extended: bool, length: int) -> list[Cell]:
@@ -74,6 +88,16 @@ def _row(recording: RecordingFit, plant: Plant, extended: bool, length: int) -> 
         change(recording.prediction_rmse_base, recording.prediction_rmse_extended),
         change(recording.free_run_rmse_base, recording.free_run_rmse_extended),
     ]
-    for error in (recording.prediction_rmse_given, recording.free_run_rmse_given)[: length - len(row)]:
-        row.append("–" if error is None else quantity(error, unit))
+    if length == len(row):
+        return row
+    row.append(
+        change(*(_known(getattr(recording, f"increment_rmse_{model}")) for model in ("base", "extended")))
+    )
+    own = (recording.free_run_rmse_given, recording.increment_rmse_given, recording.prediction_rmse_given)
+    row += [quantity(_known(error), unit) for error in own[: length - len(row)]]
     return row
+
+
+def _known(error: float | None) -> float:
+    """The `error`; NaN, which is shown as a dash, where there is none."""
+    return float("nan") if error is None else error

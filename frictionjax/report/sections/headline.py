@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 
 from markupsafe import Markup
 
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.report.figures import answer_of
 from frictionjax.report.format import number, quantities, quantity
 from frictionjax.report.html import gauge, pair
@@ -34,6 +35,8 @@ class Headline(AbstractSection):
         extended = is_extended(diagnosis)
         # Where nothing was diagnosed the summary says what to correct, and nothing else is to be read before that.
         lead = [improvement(diagnosis)] if diagnosis.was_diagnosed else rest
+        if diagnosis.given is not None and diagnosis.was_diagnosed:
+            lead.append(diagnosis.given.sentence)
         return fill(
             "headline.html.j2",
             first=first,

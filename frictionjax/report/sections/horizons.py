@@ -4,7 +4,8 @@ from typing import ClassVar
 
 from markupsafe import Markup
 
-from frictionjax.diagnosis.verdict import Diagnosis, Horizon, RecordingFit
+from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Plant
 from frictionjax.report import figures
 from frictionjax.report.format import percent, quantities

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Within
 from frictionjax.report.format import number, p_equals, percent, words
-from frictionjax.report.html import gauge, legend, pair
+from frictionjax.report.html import MODELS, gauge, legend, pair
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.template import fill
 
@@ -18,6 +18,12 @@ _AXES = {
     "since_reversal": "since the last reversal",
     "dwell": "time at rest before",
 }
+_BASE_FAILS = "Where the base model fails, before any effect is added."
+_GIVEN_MISSES = (
+    "Where your simulation misses, seen by an observer that has the acceleration from it, and position and velocity "
+    "from the measurement: an offset or a constant drift does not count. A simulation that has lost the motion misses "
+    "wherever the machine then is."
+)
 _MOST = 12  # bins of one axis that get a row each
 
 
@@ -27,26 +33,53 @@ class Mismatch(AbstractSection):
     title: ClassVar[str] = "Where the base model fails"
 
     def body(self, diagnosis: Diagnosis) -> Markup:
-        axes: dict[str, list[MismatchBin]] = {}
-        for cell in diagnosis.mismatch:
-            axes.setdefault(cell.axis, []).append(cell)
-        if not axes:
-            return Markup("")
-        after = any(math.isfinite(cell.excess_extended) for cell in diagnosis.mismatch)
-        # One scale for all axes but frequency, where the excess is far larger in bins that the observer suppresses.
-        wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
         level = diagnosis.rule.place.significant
-        grey = any(cell.p_value >= level for cell in diagnosis.mismatch)
-        return fill(
-            "mismatch.html.j2",
-            grey=f"{level:g}" if grey else "",
-            within=[_part(part) for part in diagnosis.within],
-            legend=legend(after, marks=True),
-            axes=[
-                _axis(name, cells, after, _highest(cells) if name == "frequency" else wide, level)
-                for name, cells in axes.items()
-            ],
-        )
+        return _map(diagnosis.mismatch, level, _BASE_FAILS, MODELS, diagnosis.within)
+
+
+class SimulationMisses(AbstractSection):
+    """How far the user's own simulation is from the recordings, and the same map of it."""
+
+    title: ClassVar[str] = "Where your simulation misses"
+
+    def body(self, diagnosis: Diagnosis) -> Markup:
+        if diagnosis.given is None:
+            return Markup("")
+        said = fill("prose.html.j2", sentences=[diagnosis.given.sentence], below="")
+        drawn = (("given", "your simulation"), ("base", "base model"))
+        level = diagnosis.rule.place.significant
+        return said + _map(diagnosis.given.mismatch, level, _GIVEN_MISSES, drawn, classes="as-given")
+
+
+def _map(
+    bins: tuple[MismatchBin, ...],
+    level: float,
+    intro: str,
+    models: tuple[tuple[str, str], ...],
+    within: tuple[Within, ...] = (),
+    classes: str = "",
+) -> Markup:
+    """The map of these `bins` by axis; from a p-value of `level` on they are grey."""
+    axes: dict[str, list[MismatchBin]] = {}
+    for cell in bins:
+        axes.setdefault(cell.axis, []).append(cell)
+    if not axes:
+        return Markup("")
+    after = any(math.isfinite(cell.excess_extended) for cell in bins)
+    # One scale for all axes but frequency, where the excess is far larger in bins that the observer suppresses.
+    wide = _highest(cell for name, cells in axes.items() if name != "frequency" for cell in cells)
+    return fill(
+        "mismatch.html.j2",
+        intro=intro,
+        classes=classes,
+        grey=f"{level:g}" if any(cell.p_value >= level for cell in bins) else "",
+        within=[_part(part) for part in within],
+        legend=legend(after, marks=True, models=models),
+        axes=[
+            _axis(name, cells, after, _highest(cells) if name == "frequency" else wide, level)
+            for name, cells in axes.items()
+        ],
+    )
 
 
 def _part(part: Within) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from frictionjax.diagnosis.verdict import RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.recordings import Plant
 from frictionjax.report.figures import Draw
 from frictionjax.report.format import number

@@ -5,7 +5,8 @@ from typing import ClassVar
 import numpy as np
 from markupsafe import Markup
 
-from frictionjax.diagnosis.verdict import Diagnosis, RecordingFit
+from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Plant
 from frictionjax.report.format import DASH, number, quantity, unit_text, words
 from frictionjax.report.html import table

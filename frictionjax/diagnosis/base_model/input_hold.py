@@ -1,0 +1,70 @@
+"""What the input does between samples, where the case leaves it to the recordings (`hold = "auto"`): held, or straight
+from one sample to the next, by the likelihood of the base model."""
+
+import dataclasses
+from concurrent.futures import Executor
+from typing import Literal
+
+import numpy as np
+
+from frictionjax.core import Progress
+from frictionjax.diagnosis.base_model.fit_base import base_of, fit_base
+from frictionjax.diagnosis.evidence.judgement import Judgement, paired_lead
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Lead
+from frictionjax.recordings import Case
+
+Hold = Literal["zero", "linear"]
+
+WORDS: dict[Hold, str] = {"zero": "held between samples", "linear": "linear between samples"}
+_NATS = 2.0  # of log-likelihood in one of the loss of a block
+_SAID = (
+    'The input is taken to be {} (hold = "auto"): the log-likelihood of the base model on the fitted recordings is '
+    "{:.3g} ± {:.2g} higher than with an input that is {}."
+)
+
+
+def with_hold(case: Case, hold: Hold) -> Case:
+    """The `case` with an input that is known to do this between samples."""
+    return dataclasses.replace(case, plant=dataclasses.replace(case.plant, hold=hold))
+
+
+def likelier(linear: Judgement, held: Judgement) -> tuple[Hold, Lead]:
+    """Which input is likelier on the fitted recordings, the held one where neither is, and by how much log-likelihood.
+
+    **Arguments:** `linear`, `held`: the base model fitted with either input, with the same observers and steps.
+    """
+    noise = np.ones((1, 1))
+    gains = _NATS * (held.clusters(noise) - linear.clusters(noise))[~held.held_out]
+    lead = paired_lead(gains)
+    return ("linear" if lead.total > 0.0 else "zero"), dataclasses.replace(lead, total=abs(lead.total))
+
+
+def base_with_likelier_hold(
+    case: Case, starting: StartingPoint, executor: Executor, progress: Progress, *, rule: Rule = Rule()
+) -> tuple[Case, StartingPoint, Model, tuple[str, ...]]:
+    """The `case` with the likelier input, its starting point, its base model, and what is to be said of the choice;
+    where the input of the case is known, the case as it is, and nothing.
+
+    **Arguments:** `starting`: of the case, with a held input where the recordings are to decide; `executor`,
+    `progress`, `rule`: as in `base_of`.
+    """
+    base = base_of(starting, executor, progress, rule=rule)
+    if case.plant.hold != "auto" or starting.imposed:
+        return case, starting, base, ()
+    cases: dict[Hold, Case] = {hold: with_hold(case, hold) for hold in WORDS}
+    progress("base fit: linear input", 0.9)
+    straight = starting_point(cases["linear"])
+    drives, batch, held_out = straight.start.drives, straight.batch, straight.held_out
+    other = fit_base(
+        drives, batch, held_out, executor, progress, fixed=straight.own.fixed, like=base, rule=rule
+    )
+    chosen, lead = likelier(other.judgement, base.judgement)
+    rest: Hold = "zero" if chosen == "linear" else "linear"
+    said = (_SAID.format(WORDS[chosen], lead.total, lead.error, WORDS[rest]),)
+    if chosen == "zero":
+        return cases[chosen], starting, base, said
+    # Observers and steps were those of the held input.
+    return cases[chosen], straight, base_of(straight, executor, progress, rule=rule), said
