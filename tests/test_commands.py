@@ -270,6 +270,25 @@ def test_fit_starts_from_the_model_of_the_case(files, monkeypatch):
         assert [effect.name for effect in drive.effects] == ["constant_load", "return_spring"]
 
 
+@pytest.mark.parametrize(("linear", "said"), [(90.0, "linear"), (110.0, "held")])
+def test_fit_keeps_the_likelier_input_where_it_is_to_decide(files, capsys, monkeypatch, linear, said):
+    costs, kept = {"zero": 100.0, "linear": linear}, []
+
+    def fit(drives, recordings, **options):
+        return types.SimpleNamespace(**vars(FITTED), cost=costs[drives[0].hold], hold=drives[0].hold)
+
+    monkeypatch.setattr("frictionjax.estimation.fit", fit)
+    monkeypatch.setattr("frictionjax.exchange.save_fit", lambda result, path: kept.append(result.hold))
+    assert main(["fit", *BOTH, "--hold", "auto", "--out", "fit.json"]) == 0
+    sentence = (
+        f"The input is taken to be {said} between samples, which is likelier by 10 in the log-likelihood."
+    )
+    assert sentence in capsys.readouterr().out
+    assert kept == [min(costs, key=costs.get)]
+    main(["fit", *BOTH, "--hold", "linear", "--out", "fit.json"])
+    assert kept[1:] == ["linear"] and "likelier" not in capsys.readouterr().out
+
+
 def test_simulate_runs_a_saved_drive_on_a_recorded_input(files, capsys, monkeypatch):
     from frictionjax.physics import Drive, LuGre
 

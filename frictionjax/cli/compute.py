@@ -28,7 +28,8 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     terminal.progress("starting values", 0.0)
     results = {}
-    holds = ("zero", "linear") if plant.hold == "auto" else (plant.hold,)
+    decides = plant.hold == "auto" and case.fit_recordings[0].drive == "force"
+    holds = ("zero", "linear") if decides else (plant.hold,)
     for hold in holds:
         own = dataclasses.replace(case, plant=dataclasses.replace(plant, hold=hold))
         starts, fixed = _starts(own, arguments.effect)
@@ -40,7 +41,7 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
             units=units,
             progress=terminal.progress,
         )
-    hold = min(holds, key=lambda one: results[one].cost)
+    hold = min(holds, key=lambda one: results[one].cost) if decides else plant.hold
     result = results[hold]
     if arguments.out is not None:
         save_fit(result, arguments.out)
@@ -50,7 +51,7 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         return
     say(_estimate_lines(result.parameters))
     say(["", result.message or "The fit converged."])
-    if len(holds) > 1:
+    if decides:
         gain = max(one.cost for one in results.values()) - result.cost
         words = {"zero": "held", "linear": "linear"}
         say([f"The input is taken to be {words[hold]} between samples, which is likelier by {gain:.3g} in the "
