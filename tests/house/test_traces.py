@@ -306,6 +306,16 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     ),
     "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
     "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(information())),
+    "fit_rigid_body": ("least squares, in numpy", lambda _: _refused_model(api.fit_rigid_body)),
+    "diagnose_arm": (
+        "refits in numpy, and diagnoses each joint, which is counted above",
+        lambda _: _refused_model(api.diagnose_arm),
+    ),
+    "read_arm_log": (
+        "reads a table",
+        lambda _: api.read_arm_log({"t": RECORDING.t, "q1": RECORDING.u, "tau1": RECORDING.x}),
+    ),
+    "save_arm_diagnosis": ("writes files", lambda folder: _refused_folder(folder)),
     "load_case": ("reads files", lambda folder: toml(folder)()),
     "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
@@ -341,6 +351,17 @@ def _configure() -> None:
 def _refused() -> None:
     with pytest.raises(api.InputError):
         api.warm(["nothing"])
+
+
+def _refused_model(verb) -> None:
+    with pytest.raises(api.InputError):
+        verb([], "<nothing/>")
+
+
+def _refused_folder(folder) -> None:
+    (folder / "index.html").write_text("of others", encoding="utf-8")
+    with pytest.raises(api.InputError):
+        api.save_arm_diagnosis(api.ArmDiagnosis("arm", None, ()), folder)  # type: ignore[arg-type]
 
 
 def _saved(folder):
