@@ -58,8 +58,8 @@ class _Reach(eqx.Module):
     def friction(
         self, joint: int, x: Float[np.ndarray, " n"], v: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, "n k"]:
-        """The columns of the friction of a `joint` at positions `x` and velocities `v`: a function of the velocity, linear
-        between some speeds and of its own in either direction, and a level that varies along the stroke."""
+        """The columns of the friction of a `joint` at positions `x` and velocities `v`: a function of the velocity,
+        linear between some speeds and of its own in either direction, and a level that varies along the stroke."""
         speed = np.abs(v) / (self.top[joint] or 1.0)
         hats = np.stack([np.interp(speed, _SPEEDS, row) for row in np.eye(_SPEEDS.size)], axis=1)
         centre, half = (self.high[joint] + self.low[joint]) / 2, (self.high[joint] - self.low[joint]) / 2

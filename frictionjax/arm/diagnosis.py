@@ -125,8 +125,8 @@ def _verdict(one: JointDiagnosis) -> str:
 def _row(one: JointDiagnosis) -> dict[str, Any]:
     found = one.diagnosis
     missing = () if found is None else found.missing
-    before, after = (math.nan, math.nan) if found is None else found.held_out_rmse()
     floors = [] if found is None else [fit.noise_floor for fit in found.recordings if fit.role == "holdout"]
+    before, after = found.held_out_rmse() if found is not None and floors else (math.nan, math.nan)
     return {
         "verdict": _verdict(one),
         "effects": ", ".join(effect.effect for effect in missing),

@@ -178,8 +178,7 @@ def fit_rigid_body(
     **Raises:** `InputError` for a log or a model that cannot be used, and where their joints differ.
     """
     robot = read_robot(model)
-    names = tuple(joints or robot.movable)
-    read = logs_of(logs, holdout, names, columns, sample_rate=sample_rate, limit=limit)
+    read = logs_of(logs, holdout, robot.movable, columns, sample_rate=sample_rate, limit=limit)
     arm = _arm_of(robot, read, tuple(joints or ()))
     base = base_parameters(arm)
     motions = [motion_of(log) for log in read]
@@ -225,6 +224,12 @@ def _arm_of(robot: Robot, logs: Sequence[ArmLog], joints: tuple[str, ...]) -> Ri
             cure="Give logs of the same joints, or name the columns",
         )
     wanted = next(iter(named), joints)
+    if joints and set(wanted) != set(joints):
+        raise InputError(
+            f"the logs have columns of the joints {listed(wanted)}, and others were named: {listed(joints)}",
+            place="`joints`",
+            cure="Leave it out (--joints): the rigid bodies need every joint that moves",
+        )
     arm = rigid_body(robot, wanted)
     for log in logs:
         count = log.q.shape[1]
