@@ -26,6 +26,7 @@ ADDRESS = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-
 _ROOMS = {
     "recordings": "Recordings and cases",
     "diagnosis": "Diagnosis",
+    "arm": "Arms: many joints",
     "report": "Results: saving, reading, drawing",
     "physics": "The drive and its friction",
     "simulation": "Simulation",

@@ -1,6 +1,13 @@
 """The public names."""
 
 from frictionjax import excitation as excitation
+from frictionjax.arm import ArmDiagnosis as ArmDiagnosis
+from frictionjax.arm import ArmLog as ArmLog
+from frictionjax.arm import JointDiagnosis as JointDiagnosis
+from frictionjax.arm import RigidBodyFit as RigidBodyFit
+from frictionjax.arm import diagnose_arm as diagnose_arm
+from frictionjax.arm import fit_rigid_body as fit_rigid_body
+from frictionjax.arm import read_arm_log as read_arm_log
 from frictionjax.core import Estimate as Estimate
 from frictionjax.core import FrictionjaxWarning as FrictionjaxWarning
 from frictionjax.core import InputError as InputError
@@ -69,6 +76,7 @@ from frictionjax.recordings import load_case as load_case
 from frictionjax.recordings import recording_from_frame as recording_from_frame
 from frictionjax.report import load_diagnosis as load_diagnosis
 from frictionjax.report import plot as plot
+from frictionjax.report import save_arm_diagnosis as save_arm_diagnosis
 from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
@@ -95,6 +103,8 @@ from frictionjax.studies import summarise as summarise
 __all__ = [
     "BLA",
     "FRF",
+    "ArmDiagnosis",
+    "ArmLog",
     "Axis",
     "Bootstrap",
     "Case",
@@ -120,6 +130,7 @@ __all__ = [
     "Identifiability",
     "Information",
     "InputError",
+    "JointDiagnosis",
     "JointModel",
     "KnownJoint",
     "LuGre",
@@ -135,6 +146,7 @@ __all__ = [
     "Replicas",
     "Resonances",
     "ResponseTask",
+    "RigidBodyFit",
     "Rule",
     "SimulationTask",
     "SobolDesign",
@@ -150,12 +162,14 @@ __all__ = [
     "compare_estimators",
     "configure_jax",
     "diagnose",
+    "diagnose_arm",
     "estimate_frf",
     "excitation",
     "extrapolate_to_zero_amplitude",
     "fisher_information",
     "fit",
     "fit_many",
+    "fit_rigid_body",
     "fit_sk",
     "hold_out_last_third",
     "identifiability",
@@ -172,10 +186,12 @@ __all__ = [
     "profile_likelihood",
     "rank_experiments",
     "rank_for_discrimination",
+    "read_arm_log",
     "read_mujoco_joint",
     "recording_from_frame",
     "resonances",
     "run_study",
+    "save_arm_diagnosis",
     "save_diagnosis",
     "save_fit",
     "simulate",

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from frictionjax import __version__
+from frictionjax.cli.arm_options import ARM, arm_options
 from frictionjax.cli.case_options import case_options
 
 _DESCRIPTION = (
@@ -35,6 +36,7 @@ def parser() -> argparse.ArgumentParser:
     whole.add_argument("--version", action="version", version=f"frictionjax {__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="command")
     _diagnose(commands)
+    arm_options(_command(commands, *ARM))
     _check(commands)
     _case(commands)
     _fit(commands)

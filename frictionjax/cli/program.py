@@ -75,11 +75,12 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
     # of the time of a diagnosis.
     gc.set_threshold(100_000, 50, 100)
 
-    from frictionjax.cli import completion, compute, look, study, work
+    from frictionjax.cli import arm, completion, compute, look, study, work
     from frictionjax.core import FrictionjaxWarning, InputError
 
     commands = {
         "diagnose": work.diagnose,
+        "arm": arm.arm,
         "demo": work.demo,
         "paper": work.paper,
         "check": look.check,

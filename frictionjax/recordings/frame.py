@@ -115,8 +115,16 @@ def recording_from_frame(
     known |= {"interval": interval, "columns": None if columns is None else dict(columns)}
     known |= {"units": None if units is None else dict(units)}
     known |= {"scale": None if scale is None else dict(scale)}
+    return recording_from_table(table_of(frame, name), name, plant, **known)
+
+
+def table_of(frame: object, name: str) -> FrameTable:
+    """The named columns of a `frame` in memory as a table called `name`.
+
+    **Raises:** `InputError` for what has no named columns.
+    """
     held = _columns(frame)
-    return recording_from_table(FrameTable(Path(name), tuple(held), held), name, plant, **known)
+    return FrameTable(Path(name), tuple(held), held)
 
 
 def recording_from_table(table: AbstractTable, name: str, plant: Plant | None, **known: Any) -> Recording:

@@ -8,5 +8,8 @@ from frictionjax.report.save import rescue_diagnosis as rescue_diagnosis
 from frictionjax.report.save import reserved as reserved
 from frictionjax.report.save import save_diagnosis as save_diagnosis
 from frictionjax.report.save import verdict_json as verdict_json
+from frictionjax.report.save_arm import arm_json as arm_json
+from frictionjax.report.save_arm import check_arm_writable as check_arm_writable
+from frictionjax.report.save_arm import save_arm_diagnosis as save_arm_diagnosis
 from frictionjax.report.terminal import summary_lines as summary_lines
 from frictionjax.report.terminal import truth_lines as truth_lines

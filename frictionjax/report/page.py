@@ -39,8 +39,8 @@ def render(diagnosis: Diagnosis) -> str:
         "page.html.j2",
         summary=diagnosis.summary,
         case=diagnosis.case,
-        css=_own("page.css"),
-        script=_own("page.js"),
+        css=own_file("page.css"),
+        script=own_file("page.js"),
         header=Markup("").join(body for title, body in bodies if not title),
         sections=[
             {"title": title, "body": body, "anchor": _anchor(title)}
@@ -52,7 +52,8 @@ def render(diagnosis: Diagnosis) -> str:
     return str(page)
 
 
-def _own(name: str) -> Markup:
+def own_file(name: str) -> Markup:
+    """The file `name` of this package, as it stands in a page."""
     return Markup(files("frictionjax.report").joinpath(name).read_text(encoding="utf-8"))
 
 

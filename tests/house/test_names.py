@@ -43,6 +43,8 @@ EXPECTED = sorted(
             "isaac_lab_actuator",
             "urdf_dynamics",
         ),
+        *("ArmDiagnosis", "ArmLog", "JointDiagnosis", "RigidBodyFit"),
+        *("diagnose_arm", "fit_rigid_body", "read_arm_log", "save_arm_diagnosis"),
         *("FrictionjaxWarning", "InputError", "PrecisionError", "warm"),
     }
 )

@@ -15,7 +15,7 @@ from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
 from helpers_studies import kept_study, run_scaled
-from helpers_traces import columns, information, loaded, programs, recordings, saved_diagnosis, start
+from helpers_traces import arms, columns, information, loaded, programs, recordings, saved_diagnosis, start
 from scipy.signal import lfilter
 
 import frictionjax.api as api
@@ -306,15 +306,13 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     ),
     "hold_out_last_third": ("cuts a recording", lambda folder: _held_out()),
     "identifiability": ("small matrices, in numpy", lambda folder: api.identifiability(information())),
+    **arms(RECORDING),
     "load_case": ("reads files", lambda folder: toml(folder)()),
     "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
     "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
     "read_mujoco_joint": ("text", lambda _: api.read_mujoco_joint(api.mujoco_joint(PLANT).mjcf(), "joint")),
-    "bam_parameters": (
-        "a few numbers",
-        lambda folder: api.bam_parameters(PLANT, actuator="motor", resistance=1e-5),
-    ),
+    "bam_parameters": ("numbers", lambda _: api.bam_parameters(PLANT, actuator="motor", resistance=1e-5)),
     "isaac_lab_actuator": ("a few numbers", lambda folder: api.isaac_lab_actuator(PLANT)),
     "urdf_dynamics": ("a few numbers", lambda folder: api.urdf_dynamics(PLANT)),
     "plot": ("draws", lambda folder: api.plot(fake_diagnosis(n=500))),

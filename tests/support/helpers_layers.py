@@ -9,7 +9,7 @@ REPOSITORY = Path(__file__).parents[2]
 PACKAGE = REPOSITORY / "frictionjax"
 
 STEPS = ["core", "physics", "recordings", "excitation", "simulation", "frequency"]
-STEPS += ["estimation", "information", "exchange", "diagnosis", "studies", "report", "paper", "api"]
+STEPS += ["estimation", "information", "exchange", "diagnosis", "arm", "studies", "report", "paper", "api"]
 MAY_IMPORT = {unit: set(STEPS[:place]) for place, unit in enumerate(STEPS)} | {
     "recordings": {"core"},
     "excitation": {"core"},

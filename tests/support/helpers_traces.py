@@ -5,10 +5,12 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import pytest
 from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import PLANT, break_away, large_noise
 from helpers_plants import effect
 
+import frictionjax.api as api
 from frictionjax.information import Information
 from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import Recording
@@ -84,3 +86,24 @@ def saved_diagnosis(folder: Path) -> Path:
 def information() -> Information:
     matrix = 1e8 * (np.eye(2) + 0.1)
     return Information(("J", "Fc"), ("", ""), (True, True), np.ones(2), np.ones(2), matrix[None])
+
+
+def arms(recording):
+    """The verbs of arms that never touch JAX themselves: why, and a call that shows it, from a `recording`."""
+
+    def refused(verb):
+        with pytest.raises(api.InputError):
+            verb([], "<nothing/>")
+
+    def refused_folder(folder):
+        (folder / "index.html").write_text("of others", encoding="utf-8")
+        with pytest.raises(api.InputError):
+            api.save_arm_diagnosis(api.ArmDiagnosis("arm", None, ()), folder)  # type: ignore[arg-type]
+
+    table = {"t": recording.t, "q1": recording.u, "tau1": recording.x}
+    return {
+        "fit_rigid_body": ("least squares, in numpy", lambda _: refused(api.fit_rigid_body)),
+        "diagnose_arm": ("numpy, and `diagnose`, which is counted", lambda _: refused(api.diagnose_arm)),
+        "read_arm_log": ("reads a table", lambda _: api.read_arm_log(table)),
+        "save_arm_diagnosis": ("writes files", refused_folder),
+    }
