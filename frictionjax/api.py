@@ -86,6 +86,7 @@ from frictionjax.studies import ResponseTask as ResponseTask
 from frictionjax.studies import SimulationTask as SimulationTask
 from frictionjax.studies import SobolDesign as SobolDesign
 from frictionjax.studies import Study as Study
+from frictionjax.studies import check_diagnosis as check_diagnosis
 from frictionjax.studies import compare_estimators as compare_estimators
 from frictionjax.studies import level_sweep as level_sweep
 from frictionjax.studies import load_study as load_study
@@ -147,6 +148,7 @@ __all__ = [
     "bootstrap",
     "case_from_files",
     "catalogue",
+    "check_diagnosis",
     "compare_estimators",
     "configure_jax",
     "diagnose",

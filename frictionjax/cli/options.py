@@ -66,6 +66,7 @@ def _diagnose(commands: Any) -> None:
         "frictionjax diagnose case.toml --out result",
         "frictionjax diagnose run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out result",
         "frictionjax diagnose case.toml --with gravity_pendulum --without ripple --out again",
+        "frictionjax diagnose case.toml --out result --check 20",
         'frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle --unit t=ms x=deg --out result',
     )
     _inputs(command)
@@ -88,6 +89,12 @@ def _diagnose(commands: Any) -> None:
         default=[],
         metavar="EFFECT",
         help="effects that do not act: they are tested, but not named",
+    )
+    command.add_argument(
+        "--check",
+        type=_count,
+        metavar="N",
+        help="also diagnose N simulated machines like this one: how often the name is right; goes on where it stopped",
     )
     _json(command, "verdict.json")
     case_options(command)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from frictionjax.core import Estimate, InputError, public_verb
 from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_row
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
+from frictionjax.diagnosis.checked import Check
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.rule import Rule
@@ -219,7 +220,7 @@ class Diagnosis(AbstractDisplayed):
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
     two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, the force
     that the last model needs beside it, `unmeasured`, and what a free force would explain beside it, `ceiling` (None
-    where no effect was tested).
+    where no effect was tested); and how the names fare on simulated machines, `check` (None until `check_diagnosis`).
     """
 
     case: str = eqx.field(static=True)
@@ -241,6 +242,7 @@ class Diagnosis(AbstractDisplayed):
     effort: Effort = eqx.field(static=True, default=Effort())
     unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
     ceiling: Ceiling | None = eqx.field(static=True, default=None)
+    check: Check | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError
+from frictionjax.diagnosis.checked import Check, CheckedAnswer, CheckedName
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.rule import Rule
@@ -89,6 +90,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             effort=_rebuilt(Effort(), searched.table("effort").content),
             unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
             ceiling=_if_there(root, "ceiling", Ceiling),
+            check=None if root.content.get("check") is None else _check(root.table("check")),
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, folder / "verdict.json") from error
@@ -97,6 +99,24 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
 def _if_there(root, name: str, kind: Callable[..., _T]) -> _T | None:
     """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
     return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
+
+
+def _check(entry: Table) -> Check:
+    names = tuple(
+        CheckedName(**{field.name: one.content[field.name] for field in dataclasses.fields(CheckedName)})
+        for one in entry.listed("names")
+    )
+    answers = tuple(
+        CheckedAnswer(
+            tuple(one.content["acting"]),
+            one.text("verdict"),
+            tuple(one.content["named"]),
+            one.flag("right"),
+            one.content["machines"],
+        )
+        for one in entry.listed("answers")
+    )
+    return Check(entry.content["machines"], entry.content["failed"], names, answers)
 
 
 class _Searched(NamedTuple):

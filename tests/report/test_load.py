@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+from helpers_diagnosis import adequate_diagnosis, fake_check, fake_diagnosis, fake_recording
 
 import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
@@ -41,6 +41,7 @@ def _full():
         rule=Rule(limits=Limits(one=0.0625)),
         effort=Effort(rounds=2, screening=Screening(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
+        check=fake_check(),
     )
 
 
@@ -55,6 +56,7 @@ def test_what_was_saved_comes_back(make, tmp_path):
     assert verdict_json(found) == verdict_json(saved)
     assert comparisons_json(found) == comparisons_json(saved)
     assert (found.rule, found.effort, found.plant) == (saved.rule, saved.effort, saved.plant)
+    assert found.check == saved.check
     assert found.base.keys() == saved.base.keys()
     assert repr(found) == repr(saved)
     for one, other in zip(found.recordings, saved.recordings, strict=True):

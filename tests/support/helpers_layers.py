@@ -28,7 +28,7 @@ ROOMS = {
         *("objective", "uncertainty", "descent", "result", "fit", "fit_many", "profile"),
     ],
     "diagnosis": [
-        *("rule", "effort", "table", "explain", "verdict", "evidence", "intake", "base_model"),
+        *("rule", "effort", "table", "explain", "checked", "verdict", "evidence", "intake", "base_model"),
         *("screening", "refitting", "selection", "mismatch_map", "findings", "warm", "diagnose"),
     ],
 }
