@@ -75,6 +75,7 @@ from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
 from frictionjax.simulation import simulate_imposed as simulate_imposed
 from frictionjax.studies import Axis as Axis
+from frictionjax.studies import Calibration as Calibration
 from frictionjax.studies import CompiledTask as CompiledTask
 from frictionjax.studies import DiagnosisTask as DiagnosisTask
 from frictionjax.studies import Experiment as Experiment
@@ -86,6 +87,8 @@ from frictionjax.studies import ResponseTask as ResponseTask
 from frictionjax.studies import SimulationTask as SimulationTask
 from frictionjax.studies import SobolDesign as SobolDesign
 from frictionjax.studies import Study as Study
+from frictionjax.studies import calibration_of as calibration_of
+from frictionjax.studies import calibration_study as calibration_study
 from frictionjax.studies import check_diagnosis as check_diagnosis
 from frictionjax.studies import compare_estimators as compare_estimators
 from frictionjax.studies import level_sweep as level_sweep
@@ -98,6 +101,7 @@ __all__ = [
     "FRF",
     "Axis",
     "Bootstrap",
+    "Calibration",
     "Case",
     "Cauchy",
     "CompiledTask",
@@ -146,6 +150,8 @@ __all__ = [
     "bam_parameters",
     "best_linear_approximation",
     "bootstrap",
+    "calibration_of",
+    "calibration_study",
     "case_from_files",
     "catalogue",
     "check_diagnosis",

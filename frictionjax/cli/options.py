@@ -226,11 +226,15 @@ def _study(commands: Any) -> None:
         "frictionjax study --example > design.toml",
         "frictionjax study design.toml --out study.zarr --workers 2",
         "frictionjax study design.toml --out study.zarr --dask tcp://host:8786 --resume",
+        "frictionjax study calibrate --draws 1000 --out calibration.zarr --workers 2",
     )
     command.add_argument(
-        "design", nargs="?", type=Path, metavar="DESIGN", help="the design file, design.toml"
+        "design", nargs="?", metavar="DESIGN", help="the design file, design.toml, or the word calibrate"
     )
     command.add_argument("--out", type=Path, metavar="STORE", help="the folder that becomes the store")
+    command.add_argument(
+        "--draws", type=_count, metavar="N", help="of study calibrate: machines that are drawn and diagnosed"
+    )
     command.add_argument("--example", action="store_true", help="print a design file with every key")
     command.add_argument("--resume", action="store_true", help="go on where an earlier run was stopped")
     command.add_argument(
