@@ -182,7 +182,8 @@ def _earlier(case: "Case", out: Path, asked: _Asked, machines: int | None) -> "D
     known, without = asked
     digest = asked_of(accepted(case, known), without=without)
     forget_other_checks(out, digest)
-    if machines is None or not is_asked(out / CHECK.format(machines, "json"), digest):
+    kept = machines is not None and is_asked(out / CHECK.format(machines, "json"), digest)
+    if not kept or not (out / "verdict.json").exists():
         return None
     return load_diagnosis(out)
 

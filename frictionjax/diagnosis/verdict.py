@@ -301,7 +301,8 @@ class Diagnosis(AbstractDisplayed):
         title = f"Diagnosis of {self.case}: {self.verdict}" + (f" ({'; '.join(named)})" if named else "")
         some = self.warnings[:_WARNINGS]
         more = len(self.warnings) - len(some)
-        sentences = (self.summary, *some, *([f"{more} more warnings."] if more else []))
+        checked = () if self.check is None else self.check.sentences
+        sentences = (self.summary, *checked, *some, *([f"{more} more warnings."] if more else []))
         return Display(title, sentences, (Grid(fits, errors), Grid(head, tuple(rows))))
 
     def plot(self, **how: Any) -> Any:
