@@ -162,7 +162,7 @@ def calibration_study(draws: int, *, seed: int = 0) -> Study:
     """
     if isinstance(draws, bool) or not isinstance(draws, int) or draws < 1:
         raise InputError(f"`draws` is {draws!r}", cure="Give a whole number from 1 on")
-    design = RandomDesign(Axis("family", list(FAMILIES)), cases=draws, design_seed=seed)
+    design = RandomDesign(Axis("family", tuple(FAMILIES)), cases=draws, design_seed=seed)
     return Study(design, CalibrationTask(), seed=seed)
 
 

@@ -179,7 +179,7 @@ def check_diagnosis(
                     whole,
                     diagnosis,
                     threads,
-                    lambda stage, part: report(stage, _FITTING * part),
+                    lambda stage, fraction: report(stage, _FITTING * fraction),
                     rule=rule,
                     effort=effort,
                 )
@@ -188,12 +188,12 @@ def check_diagnosis(
         force = 0.0 if diagnosis.unmeasured is None else diagnosis.unmeasured.force
         conditions = conditions_of(recordings, force=force, encoder_step=whole.plant.encoder_step)
         task = LikeYoursTask(whole, conditions, found, tuple(without), rule, effort, asked)
-        study = Study(Factorial(Axis("draw", range(machines))), task, seed=seed)
+        study = Study(Factorial(Axis("draw", tuple(range(machines)))), task, seed=seed)
         results = run_study(
             study,
             store,
             executor,
-            progress=lambda stage, part: report(stage, _FITTING + (1.0 - _FITTING) * part),
+            progress=lambda stage, fraction: report(stage, _FITTING + (1.0 - _FITTING) * fraction),
             chunk=1,
         )
     return dataclasses.replace(diagnosis, check=check_of(results, [one.effect for one in diagnosis.missing]))

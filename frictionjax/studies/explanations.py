@@ -5,8 +5,9 @@ the misfit by less than what is worth a refit in a diagnosis explains nothing an
 one without it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -101,12 +102,10 @@ class _Fits:
 
     def as_found(self, missing: Sequence[MissingEffect]) -> Explanation:
         """The machine with the parameters that are reported, and the `missing` effects."""
-        names = tuple(found.effect for found in missing)
-        model = min(
-            (self._settled(drive) for drive in self._with_effects(missing)), key=lambda one: one.fitted.misfit
-        )
+        settled = [(drive, self._settled(drive)) for drive in self.with_effects(missing)]
         # A settled model has the integration error of its steps; what is reported is corrected for it.
-        drive = _with_values(model.posterior.drive, self._reported(missing))
+        drive, model = min(settled, key=lambda pair: pair[1].fitted.misfit)
+        names = tuple(found.effect for found in missing)
         return Explanation(names, drive, model.judgement.deflection, model.fitted.misfit)
 
     def in_place_of(self, found: MissingEffect) -> list[Explanation]:
@@ -117,7 +116,7 @@ class _Fits:
         if not twins:
             return []
         without = frozenset(catalogue()) - twins | self.barred_forms
-        model = self._settled(next(iter(self._with_effects(rest))))
+        model = self._settled(self.with_effects(rest)[0])
         trials = try_catalogue(model, self.scales, self.executor, without, effort=self.effort)
         best = one_of_each([trial for some in trials for trial in some])
         chosen = [trial for name in sorted(twins) for trial in [t for t in best if t.effect == name][:_FORMS]]
@@ -139,16 +138,14 @@ class _Fits:
             explanations.append(Explanation(acting, judged.drive, begins, fitted.misfit))
         return explanations
 
-    def _reported(self, missing: Sequence[MissingEffect]) -> Mapping[str, Estimate]:
-        return self.diagnosis.extended if missing else self.diagnosis.base
-
-    def _with_effects(self, missing: Sequence[MissingEffect]) -> Iterator[Drive]:
+    def with_effects(self, missing: Sequence[MissingEffect]) -> list[Drive]:
         """The base model with the `missing` effects at the sizes that are reported: one drive for each form with these
         parameters, and for each value of what a diagnosis chooses from a few values and does not report."""
-        drives = [self.base]
+        # Labels of further effects depend on which others there are; what was found of each has plain names.
+        drives = [_with_values(self.base, self.diagnosis.extended if missing else self.diagnosis.base)]
         for found in missing:
             drives = [drive.with_effects(one) for drive in drives for one in self._instances(found)]
-        return (_with_values(drive, self._reported(missing)) for drive in drives)
+        return drives
 
     def _instances(self, found: MissingEffect) -> Iterable[AbstractEffect]:
         sizes = {name: estimate.value for name, estimate in found.parameters.items()}
@@ -159,7 +156,10 @@ class _Fits:
                 continue
             periods = {str(one.scale): (sizes[one.name],) for one in form.nuisances if one.grid == "period"}
             for instance in forms_to_try(form, self.scales, periods):
-                own = form(**{p.name: sizes.get(p.name, getattr(instance, p.name)) for p in parameters})
+                values: dict[str, Any] = {
+                    one.name: sizes.get(one.name, getattr(instance, one.name)) for one in parameters
+                }
+                own = form(**values)
                 known.setdefault((form, *(float(getattr(own, p.name)) for p in form.nuisances)), own)
         return known.values()
 

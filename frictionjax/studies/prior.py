@@ -13,7 +13,7 @@
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -103,7 +103,7 @@ def drawn_effect(
     form: type[AbstractEffect], scales: dict[str, float], rng: np.random.Generator
 ) -> AbstractEffect:
     """An effect of a `form` for a plant of these `scales`, drawn by `rng`."""
-    values: dict[str, float] = {}
+    values: dict[str, Any] = {}
     for one in form.nuisances:
         if one.grid == "period":
             values[one.name] = scales["stroke"] * _log_uniform(rng, 1.0 / 12.0, 1.0 / 3.0)
@@ -194,7 +194,7 @@ def _to_move(drive: Drive, n: int, rate: float, rng: np.random.Generator) -> Flo
     speeds = float(drive.friction.vs) * np.exp(rng.uniform(np.log(1.0), np.log(20.0), 4))
     times = rng.uniform(0.1, 0.18, 4) * n / rate
     reach = np.cumsum(speeds * times * np.array([1.0, -1.0, 1.0, -1.0]) / 1.875)
-    x = np.asarray(point_to_point(n, rate, reach, list(times), rests=0.05 * n / rate))
+    x = np.asarray(point_to_point(n, rate, reach.tolist(), times.tolist(), rests=0.05 * n / rate))
     acceleration = np.gradient(np.gradient(x)) * rate**2
     friction = np.asarray(simulate_imposed(drive, x, rate).friction)
     return friction + float(drive.J) * acceleration

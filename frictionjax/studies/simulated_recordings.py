@@ -79,7 +79,7 @@ def recordings_like(
         )
     assert isinstance(batch, Batch)
     push = conditions.force * rng.standard_normal(np.asarray(batch.u).shape)
-    start = tuple(jnp.asarray(part) for part in (batch.x0, batch.v0, z0))
+    start = (jnp.asarray(batch.x0), jnp.asarray(batch.v0), jnp.asarray(z0))
     steps = jnp.asarray(_FINER * batch.substeps)
     u, dt = jnp.asarray(batch.u), jnp.asarray(batch.dt)
     x = np.asarray(_positions(drive, u, jnp.asarray(push), dt, start, batch.before, steps))

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
 from helpers_estimation import FINE, NOISE, PLANT, RATE, open_loop, small_case, stick_noise
+from helpers_plants import FORMS, effect
 
 import frictionjax as fj
+from frictionjax.core import Estimate
 from frictionjax.diagnosis.verdict import MissingEffect
+from frictionjax.estimation.parameters import part_of
 from frictionjax.recordings import Case, Plant, Recording
 from frictionjax.simulation import simulate_imposed
 from frictionjax.studies import StudyStopped, check
-from frictionjax.studies.explanations import Explanation
+from frictionjax.studies.experiment import places_of
+from frictionjax.studies.explanations import Explanation, _Fits
 from frictionjax.studies.machines_file import forget_other_checks
 from frictionjax.studies.simulated_recordings import conditions_of, recordings_like
 
@@ -216,6 +220,75 @@ def test_a_machine_that_runs_away_is_a_sentence():
     broken = fj.Drive(np.nan, PLANT.friction)
     with pytest.raises(fj.InputError, match="recording stick: the simulated machine runs away"):
         recordings_like(conditions, broken, np.zeros(1), np.random.default_rng(0))
+
+
+SIZES = (
+    "Fc",
+    "sigma0",
+    "zs",
+    "stroke",
+    "dt",
+    "sigma2",
+    "vs",
+    "half_stroke",
+    "half_speed",
+    "zero",
+    "one",
+    "center",
+)
+SIZES += ("Fc/stroke", "u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step")
+
+
+def fits_of(*effects):
+    """Fits beside a diagnosis that found these effects, without recordings."""
+    drive = PLANT.with_effects(*effects)
+    values = {label: part_of(drive, path) for label, path in places_of(drive).items()}
+    missing = tuple(
+        MissingEffect(
+            one.name,
+            (one.name,),
+            0.9,
+            0.0,
+            {
+                p.name: Estimate(float(getattr(one, p.name)), 0.1, "1")
+                for p in (*one.strengths, *one.nuisances)
+                if p.transform != "none"
+            },
+            "",
+        )
+        for one in effects
+    )
+    fits = object.__new__(_Fits)
+    fits.base, fits.scales = PLANT, dict.fromkeys(SIZES, 0.5)
+    extended = {label: Estimate(float(value), 0.1, "1") for label, value in values.items()}
+    fits.diagnosis = dataclasses.replace(fake_diagnosis(n=20), missing=missing, extended=extended)
+    return fits
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_diagnosed_machine_has_the_form_and_the_sizes_that_were_found(name):
+    form = FORMS[name]
+    sizes = {one.name: 0.3 + 0.01 * k for k, one in enumerate((*form.strengths, *form.nuisances))}
+    fits = fits_of(form(**sizes))
+    found = [drive.effects[0] for drive in fits.with_effects(fits.diagnosis.missing)]
+    own = [one for one in found if type(one) is form]
+    assert own and all(type(one).name == form.name for one in found)
+    for one in own:
+        for parameter in (*form.strengths, *form.nuisances):
+            if parameter.transform != "none":
+                assert float(getattr(one, parameter.name)) == pytest.approx(sizes[parameter.name])
+
+
+def test_effects_whose_parameters_have_one_name_keep_their_sizes():
+    first, second = (
+        effect("GravityPendulum", sine=1.0, cosine=0.2),
+        effect("Ripple", sine=0.3, cosine=0.4, period=0.1),
+    )
+    fits = fits_of(first, second)
+    (both,) = fits.with_effects(fits.diagnosis.missing)
+    assert [float(one.sine) for one in both.effects] == [1.0, 0.3]
+    (alone,) = fits.with_effects(fits.diagnosis.missing[1:])
+    assert float(alone.effects[0].sine) == 0.3 and float(alone.friction.Fs) == float(PLANT.friction.Fs)
 
 
 @pytest.mark.slow
