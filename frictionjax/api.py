@@ -83,6 +83,7 @@ from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
 from frictionjax.simulation import simulate_imposed as simulate_imposed
 from frictionjax.studies import Axis as Axis
+from frictionjax.studies import Calibration as Calibration
 from frictionjax.studies import CompiledTask as CompiledTask
 from frictionjax.studies import DiagnosisTask as DiagnosisTask
 from frictionjax.studies import Experiment as Experiment
@@ -94,6 +95,9 @@ from frictionjax.studies import ResponseTask as ResponseTask
 from frictionjax.studies import SimulationTask as SimulationTask
 from frictionjax.studies import SobolDesign as SobolDesign
 from frictionjax.studies import Study as Study
+from frictionjax.studies import calibration_of as calibration_of
+from frictionjax.studies import calibration_study as calibration_study
+from frictionjax.studies import check_diagnosis as check_diagnosis
 from frictionjax.studies import compare_estimators as compare_estimators
 from frictionjax.studies import level_sweep as level_sweep
 from frictionjax.studies import load_study as load_study
@@ -107,6 +111,7 @@ __all__ = [
     "ArmLog",
     "Axis",
     "Bootstrap",
+    "Calibration",
     "Case",
     "Cauchy",
     "CompiledTask",
@@ -157,8 +162,11 @@ __all__ = [
     "bam_parameters",
     "best_linear_approximation",
     "bootstrap",
+    "calibration_of",
+    "calibration_study",
     "case_from_files",
     "catalogue",
+    "check_diagnosis",
     "compare_estimators",
     "configure_jax",
     "diagnose",

@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis
+from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_check, fake_diagnosis
 
 from frictionjax.cli import main, terminal
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.report.save import save_diagnosis
+from frictionjax.studies import machines_file
 
 CASE = """
 name = "bench"
@@ -143,6 +144,82 @@ def test_the_verdict_is_printed_and_the_files_are_written(api, tmp_path, capsys)
     for name in ("report.html", "verdict.json", "fit"):
         assert str(tmp_path / "out" / name) in printed.out
     assert json.loads((tmp_path / "out" / "verdict.json").read_text(encoding="utf-8"))["verdict"] == "named"
+
+
+@pytest.fixture
+def checking(api, monkeypatch):
+    """A check that takes no time, and the digest of what it is asked for; stops once where `api["stops"]` is set."""
+
+    def check_diagnosis(case, diagnosis, machines, *, known, without, store, progress):
+        api["checks"] = [*api.get("checks", []), (case, machines, known, without, store.name)]
+        machines_file.keep_machines(store.with_suffix(".json"), "asked", ())
+        progress("3 of 8 cases", 0.4)
+        if api.pop("stops", False):
+            raise KeyboardInterrupt("The study was stopped: 3 of 8 cases are finished")
+        return replace(diagnosis, check=fake_check())
+
+    vars(api["stub"]).update(check_diagnosis=check_diagnosis)
+    monkeypatch.setattr("frictionjax.studies.check.asked_of", lambda case, *, without: "asked")
+    monkeypatch.setattr("frictionjax.diagnosis.intake.as_asked.accepted", lambda case, known: case)
+    return api
+
+
+def test_a_check_is_printed_and_saved(checking, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["diagnose", "case.toml", "--out", str(out), "--check", "8", "--without", "creep"]) == 0
+    assert checking["checks"] == [("case of case.toml", 8, [], ["creep"], "check_8.zarr")]
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[1].startswith(
+        "On data like yours the name maxwell slip is right 5 of the 6 times"
+    )
+    assert "3 of 8 cases ..." in printed.err.splitlines()
+    kept = json.loads((out / "verdict.json").read_text(encoding="utf-8"))["check"]
+    assert kept["machines"] == 11 and kept["names"][0]["right"] == 5
+    assert kept["sentences"][0] in printed.out
+    assert "On data like yours" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_stopped_check_goes_on_without_another_diagnosis(checking, tmp_path, capsys):
+    out, command = tmp_path / "out", ["diagnose", "case.toml", "--out", str(tmp_path / "out")]
+    checking["stops"] = True
+    assert main([*command, "--check", "8"]) == 130
+    assert "interrupted: The study was stopped: 3 of 8" in capsys.readouterr().err
+    kept = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+    assert kept["verdict"] == "named" and kept["check"] is None
+    del checking["case"]
+    assert main([*command, "--check", "8"]) == 0
+    assert "case" not in checking and len(checking["checks"]) == 2
+    assert json.loads((out / "verdict.json").read_text(encoding="utf-8"))["check"]["machines"] == 11
+    assert main(command) == 0 and "case" in checking  # without a check it is diagnosed
+
+
+def test_checks_of_another_case_are_replaced(checking, tmp_path, monkeypatch):
+    command = ["diagnose", "case.toml", "--out", str(tmp_path), "--check", "8"]
+    main(command)
+    (tmp_path / "check_8.zarr").mkdir()
+    (tmp_path / "check_9.json").write_text("of somebody else")
+    monkeypatch.setattr("frictionjax.studies.check.asked_of", lambda case, *, without: "other")
+    del checking["case"]
+    main(command[:-2])
+    assert "case" in checking
+    assert not (tmp_path / "check_8.zarr").exists() and not (tmp_path / "check_8.json").exists()
+    assert (tmp_path / "check_9.json").exists()
+
+
+def test_where_nothing_was_diagnosed_there_is_nothing_to_check(checking, tmp_path, capsys):
+    found = fake_diagnosis(n=200)
+    untested = tuple(replace(one, tested=False) for one in found.candidates)
+    checking["diagnosis"] = replace(found, candidates=untested)
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path), "--check", "8"]) == 0
+    assert "warning: Nothing was diagnosed, so there is no answer to check." in capsys.readouterr().err
+    assert "checks" not in checking
+
+
+def test_without_zarr_a_check_is_refused_before_the_work(checking, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("frictionjax.core.frames.importlib.util.find_spec", lambda name: None)
+    assert main(["diagnose", "case.toml", "--out", str(tmp_path), "--check", "8"]) == 2
+    assert "python -m pip install 'frictionjax[studies]'" in capsys.readouterr().err
+    assert "case" not in checking
 
 
 def test_progress_is_a_line_a_stage_and_a_warning_is_one_line(api, tmp_path, capsys):

@@ -68,6 +68,7 @@ def _diagnose(commands: Any) -> None:
         "frictionjax diagnose case.toml --out result",
         "frictionjax diagnose run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out result",
         "frictionjax diagnose case.toml --with gravity_pendulum --without ripple --out again",
+        "frictionjax diagnose case.toml --out result --check 20",
         'frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle --unit t=ms x=deg --out result',
     )
     _inputs(command)
@@ -90,6 +91,12 @@ def _diagnose(commands: Any) -> None:
         default=[],
         metavar="EFFECT",
         help="effects that do not act: they are tested, but not named",
+    )
+    command.add_argument(
+        "--check",
+        type=_count,
+        metavar="N",
+        help="also diagnose N simulated machines like this one: how often the name is right; goes on where it stopped",
     )
     _json(command, "verdict.json")
     case_options(command)
@@ -221,11 +228,15 @@ def _study(commands: Any) -> None:
         "frictionjax study --example > design.toml",
         "frictionjax study design.toml --out study.zarr --workers 2",
         "frictionjax study design.toml --out study.zarr --dask tcp://host:8786 --resume",
+        "frictionjax study calibrate --draws 1000 --out calibration.zarr --workers 2",
     )
     command.add_argument(
-        "design", nargs="?", type=Path, metavar="DESIGN", help="the design file, design.toml"
+        "design", nargs="?", metavar="DESIGN", help="the design file, design.toml, or the word calibrate"
     )
     command.add_argument("--out", type=Path, metavar="STORE", help="the folder that becomes the store")
+    command.add_argument(
+        "--draws", type=_count, metavar="N", help="of study calibrate: machines that are drawn and diagnosed"
+    )
     command.add_argument("--example", action="store_true", help="print a design file with every key")
     command.add_argument("--resume", action="store_true", help="go on where an earlier run was stopped")
     command.add_argument(

@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frictionjax.cli.study_file import EXAMPLE, study_of
@@ -11,40 +12,32 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
+    from frictionjax.studies import Study
+
+CALIBRATE = "calibrate"
+"""In the place of a design file: the study that calibrates `diagnose`."""
 _EVERY = 30.0  # s between two lines of progress in a log
 
 
 def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax study`."""
     from frictionjax.core import InputError
-    from frictionjax.studies import run_study
-    from frictionjax.studies.dispatch import WorkersLost
 
     if arguments.example:
         terminal.close()
         say(EXAMPLE.splitlines())
         return
+    if arguments.design == CALIBRATE:
+        _calibrate(arguments, terminal)
+        return
+    if arguments.draws is not None:
+        raise InputError("`--draws` is for `study calibrate`", cure="Write `cases` into the design file")
     if arguments.design is None or arguments.out is None:
         raise InputError(
             "a study needs a design file and `--out`",
             cure="`frictionjax study --example > design.toml` writes one",
         )
-    asked = study_of(arguments.design)
-    parts = arguments.out.with_name(f"{arguments.out.name}.parts")
-    if not arguments.resume and (arguments.out.exists() or parts.exists()):
-        raise InputError(
-            "there are results of an earlier run",
-            file=arguments.out,
-            cure="Go on with `--resume`, or choose another `--out`",
-        )
-    try:
-        with ExitStack() as stack:
-            executor = stack.enter_context(_executor(arguments))
-            found = run_study(
-                asked, arguments.out, executor, chunk=arguments.chunk, progress=_progress(terminal)
-            )
-    except (ImportError, WorkersLost) as error:  # sentences both
-        raise InputError(str(error)) from error
+    found = _results(study_of(Path(arguments.design)), arguments, terminal)
     terminal.close()
     failed = int(found["failed"].sum())
     sizes = ", ".join(f"{name} {size}" for name, size in found["failed"].sizes.items())
@@ -56,6 +49,46 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
             f"Written: {arguments.out}",
         ]
     )
+
+
+def _calibrate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
+    """`frictionjax study calibrate`: the store, and beside it the summary as JSON and the figure as PNG."""
+    from frictionjax.core import InputError
+    from frictionjax.report import save_calibration
+    from frictionjax.studies import calibration_of, calibration_study
+
+    if arguments.draws is None or arguments.out is None:
+        raise InputError(
+            "a calibration needs `--draws` and `--out`",
+            cure="`frictionjax study calibrate --draws 1000 --out calibration.zarr`, say",
+        )
+    found = calibration_of(_results(calibration_study(arguments.draws), arguments, terminal))
+    files = save_calibration(found, arguments.out)
+    terminal.close()
+    say([*repr(found).splitlines(), "", f"Written: {', '.join(map(str, (arguments.out, *files)))}"])
+
+
+def _results(asked: "Study", arguments: "argparse.Namespace", terminal: Terminal) -> Any:
+    """The results of the study that is `asked` for, computed where and as the `arguments` say."""
+    from frictionjax.core import InputError
+    from frictionjax.studies import run_study
+    from frictionjax.studies.dispatch import WorkersLost
+
+    parts = arguments.out.with_name(f"{arguments.out.name}.parts")
+    if not arguments.resume and (arguments.out.exists() or parts.exists()):
+        raise InputError(
+            "there are results of an earlier run",
+            file=arguments.out,
+            cure="Go on with `--resume`, or choose another `--out`",
+        )
+    try:
+        with ExitStack() as stack:
+            executor = stack.enter_context(_executor(arguments))
+            return run_study(
+                asked, arguments.out, executor, chunk=arguments.chunk, progress=_progress(terminal)
+            )
+    except (ImportError, WorkersLost) as error:  # sentences both
+        raise InputError(str(error)) from error
 
 
 @contextmanager

@@ -14,7 +14,7 @@ _Asked = tuple[Sequence[str], Sequence[str]]
 if TYPE_CHECKING:
     import argparse
 
-    from frictionjax.core import InputError
+    from frictionjax.core import InputError, Progress
     from frictionjax.diagnosis import Diagnosis
     from frictionjax.recordings import Case
 
@@ -25,14 +25,18 @@ def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.report.save import verdict_json
 
     with reserved(arguments.out):
+        if arguments.check is not None:
+            _require_stores()
         case, asked = case_of(arguments), (arguments.known, arguments.without)
         if arguments.json:
-            diagnosis, _, lost = _diagnosed(case, arguments.out, terminal, start=0.0, asked=asked)
+            diagnosis, _, lost = _diagnosed(
+                case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check
+            )
             say_json(verdict_json(diagnosis))
             if lost is not None:
                 raise lost
         else:
-            _finish(case, arguments.out, terminal, start=0.0, asked=asked)
+            _finish(case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check)
 
 
 def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -97,12 +101,18 @@ def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
 
 
 def _finish(
-    case: "Case", out: Path, terminal: Terminal, *, start: float, asked: _Asked = ((), ())
+    case: "Case",
+    out: Path,
+    terminal: Terminal,
+    *,
+    start: float,
+    asked: _Asked = ((), ()),
+    machines: int | None = None,
 ) -> "Diagnosis":
     """Diagnose, save and print the summary: the last part of both commands."""
     from frictionjax.report import summary_lines
 
-    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, asked=asked)
+    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, asked=asked, machines=machines)
     say(summary_lines(diagnosis))
     files = [saved / name for name in ("report.html", "verdict.json", "fit")]
     say(["", "Written:", *(f"  {file}" for file in files if file.exists())])
@@ -112,28 +122,103 @@ def _finish(
 
 
 def _diagnosed(
-    case: "Case", out: Path, terminal: Terminal, *, start: float, asked: _Asked = ((), ())
+    case: "Case",
+    out: Path,
+    terminal: Terminal,
+    *,
+    start: float,
+    asked: _Asked = ((), ()),
+    machines: int | None = None,
 ) -> tuple["Diagnosis", Path, "InputError | None"]:
     """The diagnosis, with its warnings printed; where it was saved, and why not in `out`. `asked` are effects that the
-    user accepts and rejects."""
-    from frictionjax.api import diagnose
-    from frictionjax.core import InputError
-    from frictionjax.report import check_writable, rescue_diagnosis
+    user accepts and rejects, `machines` how many simulated ones it is checked on."""
+    from frictionjax.report import check_writable
 
     check_writable(out, case)
+    stop = 1.0 if machines is None else start + (1.0 - start) / (machines + 1)
+    diagnosis = _earlier(case, out, asked, machines)
+    if diagnosis is None:
+        diagnosis, saved, lost = _saved(case, out, terminal.part(start, stop), asked)
+    else:
+        saved, lost = out, None
+    if machines is not None and lost is None:
+        diagnosis = _checked(case, diagnosis, out, terminal.part(stop, 1.0), asked, machines)
+    terminal.close()
+    for warning in diagnosis.warnings:
+        terminal.warn(warning)
+    return diagnosis, saved, lost
+
+
+def _saved(
+    case: "Case", out: Path, progress: "Progress", asked: _Asked
+) -> tuple["Diagnosis", Path, "InputError | None"]:
+    """The diagnosis; where it was saved, and why not in `out`."""
+    from frictionjax.api import diagnose
+    from frictionjax.core import InputError
+    from frictionjax.report import rescue_diagnosis
+
     known, without = asked
-    diagnosis = diagnose(case, known=known, without=without, progress=terminal.part(start, 1.0))
-    terminal.progress("writing the report", 1.0)
-    lost: InputError | None = None
+    diagnosis = diagnose(case, known=known, without=without, progress=progress)
+    progress("writing the report", 1.0)
     try:
-        saved = diagnosis.save(out)
+        return diagnosis, diagnosis.save(out), None
     except InputError as error:
         try:
             saved = rescue_diagnosis(diagnosis)
         except InputError:
             raise error from None  # what was asked for comes first
-        lost = InputError(f"{error} The result was written into {saved} instead")
-    terminal.close()
-    for warning in diagnosis.warnings:
-        terminal.warn(warning)
-    return diagnosis, saved, lost
+        return diagnosis, saved, InputError(f"{error} The result was written into {saved} instead")
+
+
+def _earlier(case: "Case", out: Path, asked: _Asked, machines: int | None) -> "Diagnosis | None":
+    """The diagnosis in `out` whose check was stopped; None where there is none. Checks of other cases are removed."""
+    from frictionjax.diagnosis.intake.as_asked import accepted
+    from frictionjax.report import load_diagnosis
+    from frictionjax.studies.check import asked_of
+    from frictionjax.studies.machines_file import CHECK, forget_other_checks, is_asked
+
+    if machines is None and not any(out.glob(CHECK.format("*", "json"))):
+        return None
+    known, without = asked
+    digest = asked_of(accepted(case, known), without=without)
+    forget_other_checks(out, digest)
+    kept = machines is not None and is_asked(out / CHECK.format(machines, "json"), digest)
+    if not kept or not (out / "verdict.json").exists():
+        return None
+    return load_diagnosis(out)
+
+
+def _checked(
+    case: "Case", diagnosis: "Diagnosis", out: Path, progress: "Progress", asked: _Asked, machines: int
+) -> "Diagnosis":
+    """The diagnosis with its check on simulated machines, saved in `out`."""
+    import warnings
+
+    from frictionjax.api import check_diagnosis
+    from frictionjax.core import FrictionjaxWarning
+    from frictionjax.studies.machines_file import CHECK
+
+    if not diagnosis.was_diagnosed:
+        warnings.warn(
+            FrictionjaxWarning("Nothing was diagnosed, so there is no answer to check."), stacklevel=2
+        )
+        return diagnosis
+    known, without = asked
+    store = out / CHECK.format(machines, "zarr")
+    checked = check_diagnosis(
+        case, diagnosis, machines, known=known, without=without, store=store, progress=progress
+    )
+    progress("writing the report", 1.0)
+    checked.save(out)
+    return checked
+
+
+def _require_stores() -> None:
+    """Refuse a check where the libraries of its store are missing, before the work."""
+    from frictionjax.core import InputError
+    from frictionjax.core.frames import require_studies
+
+    try:
+        require_studies("--check")
+    except ImportError as error:  # a sentence with what installs them
+        raise InputError(str(error)) from error

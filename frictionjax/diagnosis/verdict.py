@@ -11,6 +11,7 @@ from jaxtyping import Float
 from frictionjax.core import Estimate, InputError, public_verb
 from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_row
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
+from frictionjax.diagnosis.checked import Check
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.recording_fit import RecordingFit, Unmeasured
@@ -189,7 +190,7 @@ class Diagnosis(AbstractDisplayed):
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
     two models that the search made, one `Table` a step), the `rule` and the `effort` with which it was made, the force
     that the last model needs beside it, `unmeasured`, and what a free force would explain beside it, `ceiling` (None
-    where no effect was tested).
+    where no effect was tested); and how the names fare on simulated machines, `check` (None until `check_diagnosis`).
     """
 
     case: str = eqx.field(static=True)
@@ -212,6 +213,7 @@ class Diagnosis(AbstractDisplayed):
     unmeasured: Unmeasured | None = eqx.field(static=True, default=None)
     ceiling: Ceiling | None = eqx.field(static=True, default=None)
     given: SimulationAsGiven | None = eqx.field(static=True, default=None)
+    check: Check | None = eqx.field(static=True, default=None)
 
     @property
     def was_diagnosed(self) -> bool:
@@ -270,7 +272,8 @@ class Diagnosis(AbstractDisplayed):
         title = f"Diagnosis of {self.case}: {self.verdict}" + (f" ({'; '.join(named)})" if named else "")
         some = self.warnings[:_WARNINGS]
         more = len(self.warnings) - len(some)
-        sentences = (self.summary, *some, *([f"{more} more warnings."] if more else []))
+        checked = () if self.check is None else self.check.sentences
+        sentences = (self.summary, *checked, *some, *([f"{more} more warnings."] if more else []))
         return Display(title, sentences, (Grid(fits, errors), Grid(head, tuple(rows))))
 
     def plot(self, **how: Any) -> Any:

@@ -52,7 +52,7 @@ def fit_to_json(result: FitResult) -> str:
         "message": result.message,
         "cost": result.cost,
         "at_bounds": result.at_bounds,
-        "drive": _drive_json(result.drive),
+        "drive": drive_json(result.drive),
         "parameters": result.parameters,
         "names": result.names,
         "covariance": result.covariance,
@@ -188,7 +188,12 @@ def _known(root: Table, key: str, parameters: dict[str, Estimate]) -> tuple[str,
     return labels
 
 
-def _drive_json(drive: Drive) -> dict[str, Any]:
+def drive_json(drive: Drive) -> dict[str, Any]:
+    """A `drive` as `drive_of` reads it.
+
+    **Raises:** `ValueError` for a drive with arrays in place of numbers.
+    """
+
     def number(value: Float[Array, "..."]) -> Float[Array, "..."]:
         if value.ndim:
             raise ValueError(f"A drive of shape {value.shape} has no file: save its members one by one.")

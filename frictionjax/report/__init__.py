@@ -1,5 +1,6 @@
 """What a person reads: report.html, the summary printed in a terminal, pictures; and results saved and read back."""
 
+from frictionjax.report.calibration_files import save_calibration as save_calibration
 from frictionjax.report.load import load_diagnosis as load_diagnosis
 from frictionjax.report.page import write_report as write_report
 from frictionjax.report.plots import plot as plot

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError
+from frictionjax.diagnosis.checked import Check, CheckedAnswer, CheckedName
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
@@ -90,6 +91,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
             ceiling=_if_there(root, "ceiling", Ceiling),
             given=_as_given(root),
+            check=None if root.content.get("check") is None else _check(root.table("check")),
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, folder / "verdict.json") from error
@@ -109,6 +111,24 @@ def _as_given(root: Table) -> SimulationAsGiven | None:
     return SimulationAsGiven(
         cast(Any, table.text("source")), table.text("sentence"), table.text("where"), bins
     )
+
+
+def _check(entry: Table) -> Check:
+    names = tuple(
+        CheckedName(**{field.name: one.content[field.name] for field in dataclasses.fields(CheckedName)})
+        for one in entry.listed("names")
+    )
+    answers = tuple(
+        CheckedAnswer(
+            tuple(one.content["acting"]),
+            one.text("verdict"),
+            tuple(one.content["named"]),
+            one.flag("right"),
+            one.content["machines"],
+        )
+        for one in entry.listed("answers")
+    )
+    return Check(entry.content["machines"], entry.content["failed"], names, answers)
 
 
 class _Searched(NamedTuple):

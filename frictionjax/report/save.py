@@ -14,6 +14,7 @@ from typing import Any
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.core.json import plain_json
+from frictionjax.diagnosis.checked import Check
 from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import table_json
@@ -125,6 +126,7 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "unmeasured_force": diagnosis.unmeasured and dataclasses.asdict(diagnosis.unmeasured),
         "ceiling": diagnosis.ceiling and dataclasses.asdict(diagnosis.ceiling),
         "as_given": diagnosis.given and dataclasses.asdict(diagnosis.given),
+        "check": diagnosis.check and _check_json(diagnosis.check),
         "frictionjax": version("frictionjax"),
     }
     return plain_json(content)
@@ -248,6 +250,14 @@ def rescue_diagnosis(diagnosis: Diagnosis) -> Path:
     return directory
 
 
+def _check_json(check: Check) -> dict[str, Any]:
+    names = [
+        dataclasses.asdict(name) | {"interval": name.interval, "sentence": name.sentence}
+        for name in check.names
+    ]
+    return dataclasses.asdict(check) | {"names": names, "right": check.right, "sentences": check.sentences}
+
+
 def _fit_json(recording: RecordingFit) -> dict[str, Any]:
     models = ("base", "extended", *(("given",) if recording.free_run_rmse_given is not None else ()))
     kinds = ("free_run_rmse", "prediction_rmse", "increment_rmse")
@@ -280,7 +290,7 @@ def _write_numbers(diagnosis: Diagnosis, directory: Path) -> None:
 def _add_report(diagnosis: Diagnosis, claim: Claim) -> None:
     """report.html beside the numbers; whatever prevents it, these are there."""
     drawn = claim.staging / "report"
-    drawn.mkdir()
+    drawn.mkdir(exist_ok=True)  # a run may save twice: without its check, and with it
     try:
         write_report(diagnosis, drawn)
         (drawn / "report.html").replace(claim.target / "report.html")

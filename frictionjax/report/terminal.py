@@ -18,7 +18,7 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
 
     Lines without line ends, in ASCII except for the summary and the units.
     """
-    lines = [diagnosis.summary]
+    lines = [diagnosis.summary, *(diagnosis.check.sentences if diagnosis.check is not None else ())]
     held_out = [recording for recording in diagnosis.recordings if recording.role == "holdout"]
     if not held_out:
         return [*lines, "", "No recording was held out: nothing was verified on other data."]

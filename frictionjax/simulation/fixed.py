@@ -103,11 +103,13 @@ def run_free(
     start: Start,
     substeps: Substeps,
     samples: Int[Array, ""] | None = None,
+    unmeasured: Float[Array, " n"] | None = None,
 ) -> Trajectory:
     """Free run of `drive`, for use inside compiled functions.
 
     **Arguments:** `u`: input, shape `(n,)`; `dt`: s per sample; `start`: state at the first sample; `substeps`: steps
-    per sample; `samples`: as in `scan_samples`.
+    per sample; `samples`: as in `scan_samples`; `unmeasured`: a force beside that of the motor, held over each sample,
+    force units, shape `(n,)`; None: none.
     """
     bristles = drive.bristles()
 
@@ -118,6 +120,8 @@ def run_free(
         return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
 
     push = drive.applied_force(u, dt)
+    if unmeasured is not None:
+        push = push + unmeasured
     run = scan_samples(sample, state_at(drive, start), push, samples)
     # After the run, vectorised over the samples: inside the loop it would take longer.
     friction = jax.vmap(friction_of)(run, mean_of(push))

@@ -2,6 +2,10 @@
 comparison of estimators."""
 
 from frictionjax.studies.axes import Axis as Axis
+from frictionjax.studies.calibration import Calibration as Calibration
+from frictionjax.studies.calibration import calibration_of as calibration_of
+from frictionjax.studies.calibration import calibration_study as calibration_study
+from frictionjax.studies.check import check_diagnosis as check_diagnosis
 from frictionjax.studies.design import AbstractDesign as AbstractDesign
 from frictionjax.studies.design import Factorial as Factorial
 from frictionjax.studies.design import RandomDesign as RandomDesign

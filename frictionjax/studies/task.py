@@ -150,7 +150,7 @@ class CompiledTask(AbstractTask):
                 if _is_of_the_machine(error):
                     raise
                 parts.append(None)
-                reasons.append(_one_line(error))
+                reasons.append(one_line(error))
                 continue
             own = {name: np.asarray(value)[lane : lane + 1] for name, value in found.items()}
             parts.append(own)
@@ -216,7 +216,7 @@ class PythonTask(AbstractTask):
                 reasons.append("")
             except Exception as error:  # a failed case is a result: it is reported with the study
                 parts.append(None)
-                reasons.append(_one_line(error))
+                reasons.append(one_line(error))
         return Outcome(joined(parts), reasons)
 
 
@@ -334,7 +334,8 @@ def _is_of_the_machine(error: Exception) -> bool:
     return str(error).startswith(("RESOURCE_EXHAUSTED", "UNAVAILABLE", "DEADLINE_EXCEEDED"))
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
+    """Why a case failed, by the `error` that it raised, as one line."""
     # Of `equinox.error_if`: its sentence stands among the lines of a traceback.
     if found := re.search(r"EquinoxRuntimeError: ([^\n]+)", str(error)):
         return found[1]

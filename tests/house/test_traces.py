@@ -5,6 +5,7 @@ import inspect
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -324,6 +325,9 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
     ),
     "warm": ("compiles on purpose", lambda folder: _refused()),
+    "calibration_study": ("a design and a task", lambda folder: api.calibration_study(2)),
+    "calibration_of": ("numpy on the results", lambda folder: _uncalibrated(folder)),
+    "check_diagnosis": ("simulates and diagnoses: these are counted", lambda folder: _unchecked()),
     "load_study": ("reads files", lambda folder: api.load_study(kept_study(folder))),
     "summarise": ("numpy on the results", lambda folder: api.summarise(api.load_study(kept_study(folder)))),
 }
@@ -334,6 +338,18 @@ def _configure() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])  # put back afterwards
         api.configure_jax()
+
+
+def _uncalibrated(folder: Path) -> None:
+    with pytest.raises(api.InputError):
+        api.calibration_of(api.load_study(kept_study(folder)))
+
+
+def _unchecked() -> None:
+    pytest.importorskip("zarr")
+    case = api.Case("one", api.Plant(), (RECORDING,))
+    with pytest.raises(api.InputError):
+        api.check_diagnosis(case, fake_diagnosis(n=20), 0)
 
 
 def _refused() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_diagnosis, fake_recording
+from helpers_diagnosis import SUMMARY, adequate_diagnosis, fake_check, fake_diagnosis, fake_recording
 
 from frictionjax.diagnosis.verdict import Candidate, MismatchBin, SimulationAsGiven, Unexplained
 from frictionjax.recordings import Plant
@@ -299,3 +299,21 @@ def test_a_picture_that_cannot_be_drawn_costs_the_picture(monkeypatch):
     assert "this picture could not be drawn (ValueError: no ink)" in page.visible
     assert page.visible.startswith(SUMMARY.split(". ")[0])
     assert len(whole.charts) > len(page.charts) > 0
+
+
+def test_a_check_is_a_section_with_what_was_said_of_each_machine():
+    found = fake_diagnosis(n=200)
+    assert "On data like yours" not in Page(render(found)).visible
+    page = Page(render(replace(found, check=fake_check()))).visible
+    assert "On data like yours the name maxwell slip is right 5 of the 6 times that it is given (83 %" in page
+    assert "what acts what is said machines right" in page
+    assert "creep maxwell slip 1 of 3 no" in page and "creep creep 2 of 3 yes" in page
+    assert "maxwell slip something without a name 1 of 6 no" in page
+    assert "the base model alone nothing is missing 2 of 2 yes" in page
+
+
+def test_a_check_where_nothing_is_named_says_what_was_simulated():
+    check = replace(fake_check(), names=(), answers=fake_check().answers[-1:], machines=2, failed=0)
+    page = Page(render(replace(adequate_diagnosis(), check=check))).visible
+    assert "Of 2 simulated machines 2 were diagnosed right" in page
+    assert "All of them are the base model alone." in page

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+from helpers_diagnosis import adequate_diagnosis, fake_check, fake_diagnosis, fake_recording
 
 import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
@@ -45,6 +45,7 @@ def _full():
         given=SimulationAsGiven(
             "column", "It misses.", "sliding", (MismatchBin("regime", "sliding", 1.0, 9.0),)
         ),
+        check=fake_check(),
     )
 
 
@@ -64,6 +65,7 @@ def test_what_was_saved_comes_back(make, tmp_path):
     assert verdict_json(found) == verdict_json(saved)
     assert comparisons_json(found) == comparisons_json(saved)
     assert (found.rule, found.effort, found.plant) == (saved.rule, saved.effort, saved.plant)
+    assert found.check == saved.check
     assert found.base.keys() == saved.base.keys()
     assert repr(found) == repr(saved)
     for one, other in zip(found.recordings, saved.recordings, strict=True):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.checked import Check, CheckedAnswer, CheckedName
 from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
 from frictionjax.diagnosis.verdict import (
     Candidate,
@@ -172,6 +173,18 @@ def fake_diagnosis(*, n: int = 4000, recordings: tuple[RecordingFit, ...] | None
             ),
         ),
     )
+
+
+def fake_check() -> Check:
+    """A check of such a case on 12 machines, one of which could not be diagnosed."""
+    answers = (
+        CheckedAnswer(("maxwell_slip",), "named", ("maxwell_slip",), True, 5),
+        CheckedAnswer(("maxwell_slip",), "unknown", (), False, 1),
+        CheckedAnswer(("creep",), "named", ("maxwell_slip",), False, 1),
+        CheckedAnswer(("creep",), "named", ("creep",), True, 2),
+        CheckedAnswer((), "adequate", (), True, 2),
+    )
+    return Check(11, 1, (CheckedName("maxwell_slip", given=6, right=5, acting=6, found=5),), answers)
 
 
 def adequate_diagnosis() -> Diagnosis:

@@ -28,17 +28,8 @@ ROOMS = {
         *("objective", "uncertainty", "descent", "result", "fit", "fit_many", "profile"),
     ],
     "diagnosis": [
-        *(
-            "rule",
-            "effort",
-            "table",
-            "explain",
-            "recording_fit",
-            "verdict",
-            "evidence",
-            "intake",
-            "base_model",
-        ),
+        *("rule", "effort", "table", "explain", "checked", "recording_fit", "verdict"),
+        *("evidence", "intake", "base_model"),
         *("screening", "refitting", "selection", "mismatch_map", "findings", "warm", "diagnose"),
     ],
 }

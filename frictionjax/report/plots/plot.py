@@ -14,6 +14,7 @@ from frictionjax.estimation import FitResult, Profile
 from frictionjax.frequency import FRF
 from frictionjax.frequency.sanathanan_koerner import SKResult
 from frictionjax.report.canvas import drawing
+from frictionjax.report.plots.calibration import draw_calibration
 from frictionjax.report.plots.diagnosis import draw_diagnosis
 from frictionjax.report.plots.estimates import draw_fit, draw_profile
 from frictionjax.report.plots.responses import draw_frf, draw_second_order
@@ -22,7 +23,7 @@ from frictionjax.report.plots.signals import draw_trajectory
 from frictionjax.report.plots.studies import draw_comparison, draw_levels
 from frictionjax.report.plots.study_results import draw_results
 from frictionjax.simulation import Trajectory
-from frictionjax.studies import EstimatorComparison, LevelSweep
+from frictionjax.studies import Calibration, EstimatorComparison, LevelSweep
 
 _DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
     Trajectory: draw_trajectory,
@@ -33,6 +34,7 @@ _DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
     Diagnosis: draw_diagnosis,
     LevelSweep: draw_levels,
     EstimatorComparison: draw_comparison,
+    Calibration: draw_calibration,
 }
 
 
@@ -57,6 +59,7 @@ def plot(
     | result of `run_study` or `summarise` | each number over one or two dimensions, with its error |
     | result of `level_sweep` | stiffness over the level of the excitation |
     | result of `compare_estimators` | scatter over the Cramer-Rao bound |
+    | result of `calibration_of` | rank histograms, reliability of confidences, rate of false names |
 
     **Arguments:**
 
