@@ -5,7 +5,6 @@ import inspect
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -16,7 +15,17 @@ from helpers_estimation import FINE, PLANT, small_case
 from helpers_plants import STRENGTHS, TABLE_I, effect, with_every_effect
 from helpers_recordings import toml
 from helpers_studies import kept_study, run_scaled
-from helpers_traces import arms, columns, information, loaded, programs, recordings, saved_diagnosis, start
+from helpers_traces import (
+    arms,
+    calibration,
+    columns,
+    information,
+    loaded,
+    programs,
+    recordings,
+    saved_diagnosis,
+    start,
+)
 from scipy.signal import lfilter
 
 import frictionjax.api as api
@@ -325,9 +334,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
     ),
     "warm": ("compiles on purpose", lambda folder: _refused()),
-    "calibration_study": ("a design and a task", lambda folder: api.calibration_study(2)),
-    "calibration_of": ("numpy on the results", lambda folder: _uncalibrated(folder)),
-    "check_diagnosis": ("simulates and diagnoses: these are counted", lambda folder: _unchecked()),
+    **calibration(RECORDING),
     "load_study": ("reads files", lambda folder: api.load_study(kept_study(folder))),
     "summarise": ("numpy on the results", lambda folder: api.summarise(api.load_study(kept_study(folder)))),
 }
@@ -338,18 +345,6 @@ def _configure() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])  # put back afterwards
         api.configure_jax()
-
-
-def _uncalibrated(folder: Path) -> None:
-    with pytest.raises(api.InputError):
-        api.calibration_of(api.load_study(kept_study(folder)))
-
-
-def _unchecked() -> None:
-    pytest.importorskip("zarr")
-    case = api.Case("one", api.Plant(), (RECORDING,))
-    with pytest.raises(api.InputError):
-        api.check_diagnosis(case, fake_diagnosis(n=20), 0)
 
 
 def _refused() -> None:

@@ -9,6 +9,7 @@ import pytest
 from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import PLANT, break_away, large_noise
 from helpers_plants import effect
+from helpers_studies import kept_study
 
 import frictionjax.api as api
 from frictionjax.information import Information
@@ -106,4 +107,24 @@ def arms(recording):
         "diagnose_arm": ("numpy, and `diagnose`, which is counted", lambda _: refused(api.diagnose_arm)),
         "read_arm_log": ("reads a table", lambda _: api.read_arm_log(table)),
         "save_arm_diagnosis": ("writes files", refused_folder),
+    }
+
+
+def calibration(recording):
+    """The verbs that check a diagnosis and never touch JAX themselves, as `arms` has them."""
+
+    def uncalibrated(folder):
+        with pytest.raises(api.InputError):
+            api.calibration_of(api.load_study(kept_study(folder)))
+
+    def unchecked():
+        pytest.importorskip("zarr")
+        case = api.Case("one", api.Plant(), (recording,))
+        with pytest.raises(api.InputError):
+            api.check_diagnosis(case, fake_diagnosis(n=20), 0)
+
+    return {
+        "calibration_study": ("a design and a task", lambda _: api.calibration_study(2)),
+        "calibration_of": ("numpy on the results", uncalibrated),
+        "check_diagnosis": ("simulates and diagnoses: these are counted", lambda _: unchecked()),
     }
