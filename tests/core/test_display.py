@@ -68,7 +68,7 @@ def test_values_in_a_few_words(value, text):
 
 
 def test_a_line_leaves_out_what_is_none_or_unwanted():
-    assert one_line(fj.Plant(inertia=0.1), "force_unit") == (
+    assert one_line(fj.Plant(inertia=0.1), "force_unit", "hold") == (
         "Plant(position_unit='position', input_unit='input', inertia=0.1)"
     )
 
