@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from helpers_plants import ROTARY, effect
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis.evidence.imposed_views import view_of_forces
 from frictionjax.diagnosis.intake.coverage import idle_effects
 from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
@@ -60,6 +62,21 @@ def test_an_effect_is_simulated_as_it_is():
     power = jnp.mean(errors**2, axis=(1, 2))
     assert float(power[1]) == pytest.approx(1.0, abs=0.1)
     assert float(power[0]) > 10.0
+
+
+def test_a_free_run_that_begins_in_motion_begins_with_the_measured_force():
+    """Where the bristles slide already, the damping of a bristle that does not would be many times their force."""
+    stiff = eqx.tree_at(lambda drive: drive.friction.sigma1, ROTARY, jnp.asarray(60.0))
+    later = [
+        eqx.tree_at(lambda one: (one.x, one.force, one.u), one, (one.x[400:], one.force[400:], one.u[400:]))
+        for one in motion_case(stiff).recordings
+    ]
+    batch = make_imposed_batch(tuple(later))
+    judgement = types.SimpleNamespace(drive=stiff, deflection=np.zeros(len(later)))
+    free = view_of_forces(judgement, batch, 100, 50.0).free  # type: ignore[arg-type]
+    for row, recording in zip(free, later, strict=True):
+        error = row[: recording.x.size] - recording.force
+        assert np.max(np.abs(error)) < 20.0 * NOISE
 
 
 def test_what_cannot_act_is_not_tested():

@@ -39,14 +39,20 @@ class ForceView(eqx.Module):
 def _runs(
     drive: Drive, batch: ImposedBatch, deflection: Float[Numbers, " r"]
 ) -> tuple[Float[Numbers, "r n"], ...]:
-    sigma0, most = drive.friction.sigma0, drive.friction.Fs / drive.friction.sigma0
+    most = drive.friction.Fs / drive.friction.sigma0
 
     def first_deflection(
         x: Float[Numbers, " n"], force: Float[Numbers, " n"], dt: Float[Numbers, ""], earlier: Before
     ) -> Float[Numbers, ""]:
-        # The bristles carry what the other forces leave of the first measured force.
-        others = run_imposed(drive, x[:2], dt, 0.0, earlier=earlier)[2][0]
-        return jnp.clip((force[0] - others) / sigma0, -most, most)
+        # The force is linear in the deflection, also where the recording begins in motion: there the bristles' damping
+        # belongs to it.
+        low, high = (
+            run_imposed(drive, x[:2], dt, side * most, earlier=earlier)[2][0] for side in (-1.0, 1.0)
+        )
+        rise = high - low
+        flat = jnp.abs(rise) < 1e-9 * drive.friction.Fs
+        part = (force[0] - low) / jnp.where(flat, 1.0, rise)
+        return most * jnp.where(flat, 0.0, jnp.clip(2.0 * part - 1.0, -1.0, 1.0))
 
     first = jax.vmap(first_deflection)(batch.x, batch.force, batch.dt, batch.before)
     v, z, friction = batch.along(drive, deflection * most)
