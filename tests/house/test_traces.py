@@ -319,7 +319,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     **arms(RECORDING),
     "load_case": ("reads files", lambda folder: toml(folder)()),
     "load_diagnosis": ("reads files", lambda folder: api.load_diagnosis(saved_diagnosis(folder))),
-    "load_fit": ("reads a file", lambda folder: api.load_fit(_saved(folder))),
+    "load_fit": ("reads a file", lambda folder: api.load_fit(saved_fit(folder))),
     "mujoco_joint": ("a few numbers", lambda folder: api.mujoco_joint(PLANT)),
     "read_mujoco_joint": ("text", lambda _: api.read_mujoco_joint(api.mujoco_joint(PLANT).mjcf(), "joint")),
     "bam_parameters": ("numbers", lambda _: api.bam_parameters(PLANT, actuator="motor", resistance=1e-5)),
@@ -328,7 +328,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
     "plot": ("draws", lambda folder: api.plot(fake_diagnosis(n=500))),
     "recording_from_frame": ("reads a table", lambda folder: api.recording_from_frame(columns())),
     "save_diagnosis": ("writes files", lambda folder: saved_diagnosis(folder)),
-    "save_fit": ("writes a file", lambda folder: _saved(folder)),
+    "save_fit": ("writes a file", lambda folder: saved_fit(folder)),
     "resonances": (
         "small least squares next to one peak, in numpy",
         lambda folder: api.resonances(np.arange(9.0), 1.0 / (np.arange(9.0) - 4.2 + 0.3j)),
@@ -350,15 +350,6 @@ def _configure() -> None:
 def _refused() -> None:
     with pytest.raises(api.InputError):
         api.warm(["nothing"])
-
-
-def _saved(folder):
-    covariance = np.eye(1)
-    result = api.FitResult(
-        PLANT, {"J": api.Estimate(1.0, 0.1, "kg")}, ("J",), covariance, covariance, {}, 0.0, True, "Done.", ()
-    )
-    api.save_fit(result, folder / "fit.json")
-    return folder / "fit.json"
 
 
 @pytest.fixture(scope="module", autouse=True)

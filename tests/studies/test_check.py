@@ -1,6 +1,7 @@
 """The check of a diagnosis on simulated machines: what is counted, what is simulated, and how it goes on."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from frictionjax.studies.experiment import places_of
 from frictionjax.studies.explanations import Explanation, _Fits
 from frictionjax.studies.machines_file import forget_other_checks
 from frictionjax.studies.simulated_recordings import conditions_of, recordings_like
+from frictionjax.studies.worker import packed
 
 pytest.importorskip("zarr")
 
@@ -212,6 +214,18 @@ def test_an_imposed_motion_stays_and_its_force_is_simulated():
     )
     np.testing.assert_array_equal(one.x, x)
     assert np.std(one.force - force) == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_check_can_be_sent_to_another_process():
+    real = tuple(open_loop(name, np.zeros(500), seed=1, role=name) for name in ("fit", "holdout"))
+    conditions = conditions_of(real, force=0.1, encoder_step=FINE)
+    case = Case("bench", Plant(motor_constant=16.0), real)
+    task = check.LikeYoursTask(case, conditions, MACHINES, (), fj.Rule(), fj.Effort(), check.asked_of(case))
+    there = pickle.loads(packed(task))
+    assert there.described() == task.described() and there.machine(3).acting == ()
+    assert there.conditions.force == 0.1 and check.asked_of(there.case) == task.asked
+    other = dataclasses.replace(real[0], x=real[0].x + 1e-9)
+    assert check.asked_of(Case("bench", case.plant, (other, real[1]))) != task.asked
 
 
 def test_a_machine_that_runs_away_is_a_sentence():

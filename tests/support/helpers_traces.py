@@ -128,3 +128,13 @@ def calibration(recording):
         "calibration_of": ("numpy on the results", uncalibrated),
         "check_diagnosis": ("simulates and diagnoses: these are counted", lambda _: unchecked()),
     }
+
+
+def saved_fit(folder):
+    """A fit that is saved in the `folder`."""
+    covariance = np.eye(1)
+    result = api.FitResult(
+        PLANT, {"J": api.Estimate(1.0, 0.1, "kg")}, ("J",), covariance, covariance, {}, 0.0, True, "Done.", ()
+    )
+    api.save_fit(result, folder / "fit.json")
+    return folder / "fit.json"
