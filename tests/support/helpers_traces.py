@@ -138,3 +138,9 @@ def saved_fit(folder):
     )
     api.save_fit(result, folder / "fit.json")
     return folder / "fit.json"
+
+
+def unwarmed():
+    """`warm` of an effect that there is not compiles nothing."""
+    with pytest.raises(api.InputError):
+        api.warm(["nothing"])
