@@ -172,7 +172,7 @@ def _sentence(
     def free(model: Model) -> str:
         return f"{_rms([getattr(fit, f'free_run_rmse_{model}') for fit in judged]):.3g}"
 
-    def moved(model: Model) -> str:
+    def moves_by(model: Model) -> str:
         return f"{_rms([getattr(fit, f'increment_rmse_{model}') for fit in judged]):.3g}"
 
     others = " and ".join(f"the {model} model by {free(model)}" for model in models)
@@ -181,8 +181,8 @@ def _sentence(
         f"{free('given')} {unit} rms in a free run, {others}"
     )
     if not imposed:
-        others = " and ".join(f"the {model} model by {moved(model)}" for model in models)
-        text += f"; the motion of each 0.1 s it misses by {moved('given')}, {others}"
+        others = " and ".join(f"the {model} model by {moves_by(model)}" for model in models)
+        text += f"; the motion of each 0.1 s it misses by {moves_by('given')}, {others}"
     text += (
         f". Most of that is a constant offset of {offset:.3g} {unit}" if (offset := _offset(judged)) else ""
     )
