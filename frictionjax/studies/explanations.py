@@ -94,7 +94,7 @@ class _Fits:
         self.starting: StartingPoint = starting_point(case)
         batch = self.starting.batch
         self.base = _with_values(self.starting.start.drives[0], diagnosis.base)
-        self.scales = plant_scales(self.base, batch)
+        self.scales = plant_scales(self.base, batch, turn=case.plant.turn)
         self.pace = pace_of(self.base, batch, self.starting.held_out, rule=rule)
         barred, self.barred_forms = not_testable(case, batch, rule=rule)
         inside = {effect.name for effect in self.starting.own.effects}

@@ -9,7 +9,8 @@ from helpers_estimation import FINE, PLANT, RATE, break_away, large_noise, open_
 
 from frictionjax.core import InputError
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
-from frictionjax.diagnosis.evidence.views import recording_fits, view
+from frictionjax.diagnosis.evidence.recording_fits import recording_fits
+from frictionjax.diagnosis.evidence.views import view
 from frictionjax.diagnosis.findings.as_given import (
     as_given,
     simulation_as_given,

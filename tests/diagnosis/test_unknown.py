@@ -65,7 +65,7 @@ def test_what_the_recordings_cannot_show_is_reported():
     both = case(stick, wide, unit="m")
     assert set(missing_needs(both, make_batch((stick, wide), encoder_step=FINE))) >= {"angle"}
     stated, _ = not_testable(both, make_batch((stick, wide), encoder_step=FINE))
-    assert "friction_lag" not in stated and "radian" in stated["gravity_pendulum"]
+    assert "friction_lag" not in stated and "angle" in stated["gravity_pendulum"]
     assert "warmup" in stated
 
 
