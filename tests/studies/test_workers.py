@@ -52,7 +52,8 @@ def test_a_study_that_is_killed_goes_on_where_it_stopped(tmp_path, moments, seed
 def test_a_pool_of_processes_gives_the_same_numbers(tmp_path):
     with spawned(1) as pool:
         found = run_study(compiled_study(repeats=6), tmp_path / "s.zarr", pool, **QUIET)
-    jax.clear_caches()  # another file of tests may have compiled the same study in this process, with fewer optimisations
+    # Another file of tests may have compiled the same study in this process, with fewer optimisations.
+    jax.clear_caches()
     same(found, run_study(compiled_study(repeats=6), devices=jax.local_devices()[:1], **QUIET))
 
 
