@@ -129,14 +129,9 @@ class _With(NamedTuple):
         return Compiled(function, self.options)
 
 
-# Higher levels of XLA compile for a quarter longer, and no loop of this library is faster for it; at 0 loops take twice
-# the time.
-_OPTIONS = {"xla_backend_optimization_level": 1}
-
-
 def compiled(*, options: dict[str, Any] | None = None) -> _With:
-    """A decorator that makes a function `Compiled`, with these `options` of XLA besides those of all programs."""
-    return _With(_OPTIONS | (options or {}))
+    """A decorator that makes a function `Compiled`, with these `options` of XLA."""
+    return _With(options)
 
 
 class _Traced:

@@ -170,7 +170,7 @@ def _diagnose(
                 what_to_check(credible, case, error),
                 *_warnings(case, values, message_of(base), starting.notes),
             )
-            base_view = view(base.judgement, scene)
+            base_view = view(base.judgement, scene, far=True)
             clock.stage("judging")
             seconds = clock.report(compiling)
             return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds)
@@ -213,7 +213,7 @@ def _diagnose(
             case, base, scene, base_view, values, warnings, NOT_DRIVEN, clock.report(compiling)
         )
     if residual is not None and residual.helps:
-        last_view = base_view if last is base else view(last.judgement, scene)
+        last_view = base_view if last is base else view(last.judgement, scene, far=True)
         before, after = (held_out_error(predicted, scene) for predicted in (last_view, extended_view))
         if after > before:
             notes.append(_MAP_REJECTED.format(residual.variable, before, after))
@@ -300,13 +300,13 @@ def _balanced(
 def _views(base: Model, final: Model, scene: Scene) -> tuple[View, View]:
     """What base and final model predict for all recordings. The base model gets what the final one has beyond it at
     zero strength, so that both share one compiled program."""
-    extended = view(final.judgement, scene)
+    extended = view(final.judgement, scene, far=True)
     if final is base:
         return extended, extended
     own = len(base.judgement.drive.effects)
     silent_effects = [effect.silenced() for effect in final.judgement.drive.effects[own:]]
     structure = base.judgement.drive.with_effects(*silent_effects)
-    return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene), extended
+    return view(eqx.tree_at(lambda j: j.drive, base.judgement, structure), scene, far=True), extended
 
 
 def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+import scipy
 from jaxtyping import Array, Float, Int
 
 from frictionjax.core.arrays import Numbers, known
@@ -49,6 +51,17 @@ def innovation_gain(gains: Gains) -> Float[Numbers, "..."]:
     xp, (position,) = known(gains.position)
     pole = xp.sqrt(1.0 - position)
     return xp.asarray(xp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3))
+
+
+def left_by_observer(x: Float[np.ndarray, "rows n"], gains: Gains) -> Float[np.ndarray, "rows n"]:
+    """What an observer that expects every machine to keep its speed leaves of positions `x`: (1 - q)^2 / (1 - p q)^2 of
+    them, with q the unit delay, which is the acceleration over its memory. `gains` of shape `(rows,)`.
+    """
+    poles = np.sqrt(1.0 - np.asarray(gains.position))
+    pairs = zip(poles, x, strict=True)
+    return np.stack(
+        [scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own) for pole, own in pairs]
+    )
 
 
 class Observed(eqx.Module):

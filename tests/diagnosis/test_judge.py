@@ -236,7 +236,7 @@ def test_views_and_errors_are_those_of_the_recordings(judged, small):
     recordings, posterior = small
     held_out = np.asarray(posterior.fitted[0]) == 0.0
     scene = Scene(posterior.batch, held_out, np.full(held_out.size, 50.0), tuple(r.name for r in recordings))
-    true, wrong = (view(judgement, scene) for judgement in judged)
+    true, wrong = (view(judgement, scene, far=True) for judgement in judged)
     fits = recording_fits(recordings, scene, wrong, true, PLANT)
     assert [fit.name for fit in fits] == [r.name for r in recordings]
     for fit, recording in zip(fits, recordings, strict=True):

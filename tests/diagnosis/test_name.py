@@ -38,7 +38,7 @@ SCALES = {
     for k, name in enumerate(
         [
             *("Fc", "sigma0", "sigma2", "vs", "zs", "stroke", "center", "Fc/stroke", "dt"),
-            *("u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step"),
+            *("u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step", "turn"),
         ]
     )
 }
@@ -57,6 +57,7 @@ def test_a_form_is_tried_at_every_point_of_its_grid(form):
     assert len(points) == len(instances)
     for instance in instances:
         assert type(instance) is form
+        assert float(getattr(instance, "turn", SCALES["turn"])) == SCALES["turn"]  # of the case's unit
         assert all(float(getattr(instance, strength.name)) == 0.0 for strength in form.strengths)
         for nuisance in form.nuisances:
             if nuisance.grid == "period":
@@ -254,7 +255,7 @@ def test_p_values_of_a_true_base_model_are_not_anti_conservative():
         batch = make_batch(recordings, encoder_step=FINE)
         posterior, start = robust_posterior(PLANT, batch, np.zeros(2, bool))
         present = present_model(posterior, descend(posterior, start, graduate=False).vector)
-        scales = {"Fc": float(PLANT.friction.Fc), "dt": 1.0 / RATE}
+        scales = {"Fc": float(PLANT.friction.Fc), "dt": 1.0 / RATE, "turn": 2.0 * np.pi}
         for name in names:
             p[name] += [trial.p_value for trial in try_form(present, [effect(name)], scales)[:1]]
     for name in names:

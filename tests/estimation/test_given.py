@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from helpers_plants import effect
 
 import frictionjax as fj
 from frictionjax.estimation.data.given import keeps_inertia, pieces_of, plant_of, require_agreement, units_of
@@ -109,6 +110,23 @@ def test_what_is_asked_for_by_name_is_a_start_and_may_differ():
     require_agreement(drive, fj.Plant(), motor_constant=True, inertia=True)
     with pytest.raises(fj.InputError):
         require_agreement(drive, PLANT, motor_constant=True, inertia=False)
+
+
+@pytest.mark.parametrize(
+    ("unit", "turn", "agrees"),
+    [
+        *(("rad", 2 * np.pi, True), ("deg", 360.0, True), ("position", 360.0, True)),
+        *(("deg", 2 * np.pi, False), ("rad", 360.0, False)),
+    ],
+)
+def test_an_angle_in_another_unit_than_that_of_the_positions_is_refused(unit, turn, agrees):
+    drive = fj.Drive(2.0, FRICTION, effects=(effect("GravityPendulum", sine=1.0, turn=turn),))
+    known = {"motor_constant": False, "inertia": False}
+    if agrees:
+        require_agreement(drive, fj.Plant(position_unit=unit), **known)
+        return
+    with pytest.raises(fj.InputError, match=f"gravity_pendulum has a full turn of .* in {unit} is"):
+        require_agreement(drive, fj.Plant(position_unit=unit), **known)
 
 
 @pytest.mark.parametrize(

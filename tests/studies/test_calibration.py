@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
-from helpers_plants import TABLE_I
+from helpers_plants import TABLE_I, every_size
 
 import frictionjax as fj
 from frictionjax.cli import main
@@ -176,23 +176,8 @@ def test_the_band_is_binomial():
 
 @pytest.mark.parametrize("form", [form for forms in catalogue().values() for form in forms])
 def test_every_effect_of_the_prior_acts_and_is_in_its_range(form):
-    names = (
-        "Fc",
-        "sigma0",
-        "zs",
-        "stroke",
-        "dt",
-        "sigma2",
-        "vs",
-        "half_stroke",
-        "half_speed",
-        "zero",
-        "one",
-        "center",
-    )
-    names += ("Fc/stroke", "u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step")
     for seed in range(5):
-        effect = drawn_effect(form, dict.fromkeys(names, 0.7), np.random.default_rng(seed))
+        effect = drawn_effect(form, every_size(0.7), np.random.default_rng(seed))
         assert any(float(getattr(effect, one.name)) != 0.0 for one in form.strengths)
         for one in (*form.strengths, *form.nuisances):
             assert one.lower <= float(getattr(effect, one.name)) <= one.upper

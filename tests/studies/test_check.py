@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
 from helpers_estimation import FINE, NOISE, PLANT, RATE, open_loop, small_case, stick_noise
-from helpers_plants import FORMS, effect
+from helpers_plants import FORMS, effect, every_size
 
 import frictionjax as fj
 from frictionjax.core import Estimate
@@ -236,23 +236,6 @@ def test_a_machine_that_runs_away_is_a_sentence():
         recordings_like(conditions, broken, np.zeros(1), np.random.default_rng(0))
 
 
-SIZES = (
-    "Fc",
-    "sigma0",
-    "zs",
-    "stroke",
-    "dt",
-    "sigma2",
-    "vs",
-    "half_stroke",
-    "half_speed",
-    "zero",
-    "one",
-    "center",
-)
-SIZES += ("Fc/stroke", "u", "1/u^2", "Fc/speed^2", "Fc/speed^3", "step")
-
-
 def fits_of(*effects):
     """Fits beside a diagnosis that found these effects, without recordings."""
     drive = PLANT.with_effects(*effects)
@@ -273,7 +256,7 @@ def fits_of(*effects):
         for one in effects
     )
     fits = object.__new__(_Fits)
-    fits.base, fits.scales = PLANT, dict.fromkeys(SIZES, 0.5)
+    fits.base, fits.scales = PLANT, every_size(0.5)
     extended = {label: Estimate(float(value), 0.1, "1") for label, value in values.items()}
     fits.diagnosis = dataclasses.replace(fake_diagnosis(n=20), missing=missing, extended=extended)
     return fits

@@ -1,5 +1,6 @@
 """Plants with known parameters, and every form of every effect: what the physics is tested on."""
 
+import numpy as np
 import pytest
 
 from frictionjax.physics import Drive, LuGre, catalogue
@@ -182,3 +183,9 @@ def in_large(form):
         return TABLE_I.with_effects(effect(form, **own))
     strengths = [own[strength] if name == form else 0.0 for name, strength in STRENGTHS]
     return with_every_effect(TABLE_I, strengths, but=_APART)
+
+
+def every_size(value):
+    """A plant all of whose sizes, by the names that parameters of effects use, have this `value`; positions in rad."""
+    parameters = [one for form in FORMS.values() for one in (*form.strengths, *form.nuisances)]
+    return {one.scale: value for one in parameters if isinstance(one.scale, str)} | {"turn": 2.0 * np.pi}

@@ -31,7 +31,7 @@ def horizons_of(recording: Recording, row: int, base: View, extended: View) -> t
         ("ahead", ahead_samples(dt)),
         ("one_second", round(1.0 / dt)),
     ):
-        if n < 2 * samples or (found and found[-1].seconds == samples * dt):
+        if getattr(base, name) is None or n < 2 * samples or (found and found[-1].seconds == samples * dt):
             continue
         off, off_extended = (
             rms_error(getattr(one, name)[row, samples:n], x[samples:]) for one in (base, extended)

@@ -39,7 +39,8 @@ class View(eqx.Module):
     """One model's predictions of all recordings, arrays of shape `(r, n)`: `free` run and `ahead` by 0.1 s, of the
     position, or of the force where the motion is imposed; residual `force`; the observer's `v`, `bend` (|z| over
     Fs/sigma0) and standardised innovations `e` (where the motion is imposed: velocity, bend and standardised errors of
-    the run); and the position by `one_sample` and by `one_second` ahead (None where the motion is imposed)."""
+    the run); and the position by `one_sample` and by `one_second` ahead (None where the motion is imposed, or not
+    asked for)."""
 
     free: Float[np.ndarray, "r n"]
     ahead: Float[np.ndarray, "r n"]
@@ -131,8 +132,8 @@ def _free_runs(
     return jax.vmap(one)(states, begin)
 
 
-def view(judgement: Judgement, scene: Scene) -> View:
-    """Predict all recordings of the `scene` by the model of the `judgement`."""
+def view(judgement: Judgement, scene: Scene, *, far: bool = False) -> View:
+    """Predict all recordings of the `scene` by the model of the `judgement`; `far`: 1 s ahead, too."""
     batch = scene.batch
     dt = np.asarray(batch.dt)
     if batch.imposed:
@@ -141,26 +142,27 @@ def view(judgement: Judgement, scene: Scene) -> View:
         forces = view_of_forces(judgement, batch, *own)  # type: ignore[arg-type]
         return View(forces.free, forces.ahead, forces.missing, forces.v, forces.bend, forces.e)
     shape = np.asarray(batch.x).shape
-    whole = {field.name: np.zeros(shape) for field in dataclasses.fields(View)}
+    names = [field.name for field in dataclasses.fields(View) if far or field.name != "one_second"]
+    whole = {name: np.zeros(shape) for name in names}
     # At another sample rate the 0.1 s ahead are another number of samples.
     horizons = np.array([ahead_samples(float(step)) for step in dt])
     for horizon in np.unique(horizons):
         rows = np.flatnonzero(horizons == horizon)
         length = shape[1] if rows.size == dt.size else int(np.max(batch.lengths[rows]))
-        for name, part in _view_of_rows(judgement, scene, rows, length, int(horizon)).items():
+        for name, part in _view_of_rows(judgement, scene, rows, length, int(horizon), far).items():
             whole[name][rows, :length] = part
     return View(**whole)
 
 
 def _view_of_rows(
-    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, horizon: int
+    judgement: Judgement, scene: Scene, rows: Int[np.ndarray, " k"], length: int, horizon: int, far: bool
 ) -> dict[str, Float[np.ndarray, "k n"]]:
     """The fields of a `View` for the recordings `rows`, in all of which the 0.1 s ahead are `horizon` samples, up to
-    `length` samples."""
+    `length` samples; `far` as in `view`."""
     batch = rows_of(scene.batch, rows)
     slowest = float(np.max(np.asarray(batch.dt)))
     gains = observer_gains(scene.bandwidth[rows], batch.dt)
-    names = ("free", "ahead", "one_second", "force", "v", "bend", "innovation")
+    names = ("free", "ahead", "force", "v", "bend", "innovation", *(("one_second",) if far else ()))
     fields: dict[str, list] = {name: [] for name in names}
     pieces = pieces_of(batch.lengths)
     for piece in pieces:
@@ -169,7 +171,8 @@ def _view_of_rows(
         bent = judgement.deflection[rows][piece.lanes]
         found = _along(judgement.drive, part, lanes_of(gains, piece), bent, first, bandwidth)
         fields["ahead"].append(_ahead(judgement.drive, found, piece, part, horizon))
-        fields["one_second"].append(_ahead(judgement.drive, found, piece, part, round(1.0 / slowest)))
+        if far:
+            fields["one_second"].append(_ahead(judgement.drive, found, piece, part, round(1.0 / slowest)))
         for name in ("free", "force", "v", "bend", "innovation"):
             fields[name].append(getattr(found, name))
     whole = {

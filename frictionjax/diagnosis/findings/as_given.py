@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable
 from typing import Literal
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
@@ -24,7 +23,7 @@ from frictionjax.estimation.data.batch import rows_of
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings import Plant, Recording
-from frictionjax.simulation import innovation_gain, observer_gains
+from frictionjax.simulation import innovation_gain, left_by_observer, observer_gains
 
 BOTH = (
     "The recordings have a column `simulated`: that is compared as the simulation as given, not the model of the case "
@@ -146,10 +145,9 @@ def _errors(free: Float[np.ndarray, "r n"], scene: Scene) -> Float[np.ndarray, "
         if scene.bandwidth[row] == 0.0:  # a motion that is imposed: the force has no observer
             e[row, :length] = own / noise[row]
             continue
-        gains = observer_gains(float(scene.bandwidth[row]), float(batch.dt[row]))
-        pole = float(np.sqrt(1.0 - gains.position))
-        seen = scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own - own[0])
-        e[row, :length] = seen / (noise[row] * float(innovation_gain(gains)))
+        gains = observer_gains(scene.bandwidth[[row]], np.asarray(batch.dt)[[row]])
+        (left,) = left_by_observer((own - own[0])[None], gains)
+        e[row, :length] = left / (noise[row] * float(innovation_gain(gains)[0]))
     return e * np.asarray(batch.valid)
 
 

@@ -65,7 +65,7 @@ def forms_to_try(
     **Arguments:**
 
     - `form`: the class.
-    - `scales`: the plant's sizes; positions are in rad where it has no `"turn"`.
+    - `scales`: the plant's sizes.
     - `periods`: name of a kind of period (`"odd_period"` ...) -> periods found in the data.
     """
     axes = []
@@ -75,9 +75,7 @@ def forms_to_try(
         else:
             scale = nuisance.scale if isinstance(nuisance.scale, float) else scales[str(nuisance.scale)]
             axes.append([(nuisance.name, scale * value) for value in nuisance.grid])
-    return [
-        form(**dict(point)).in_turns_of(scales.get("turn", 2.0 * np.pi)) for point in itertools.product(*axes)
-    ]
+    return [form(**dict(point)).in_turns_of(scales["turn"]) for point in itertools.product(*axes)]
 
 
 def _regressed(errors, sizes, e, fine, weighings, block):

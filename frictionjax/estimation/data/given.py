@@ -12,6 +12,7 @@ from frictionjax.physics import Drive
 from frictionjax.recordings import Case, Plant, Recording, load_case
 from frictionjax.recordings.frame import Frame, is_frame
 from frictionjax.recordings.given import is_case_file, recordings_of, whole_recording
+from frictionjax.recordings.units import turn_of
 
 Piece = Recording | FRF | Observation
 """One piece of data for a fit."""
@@ -86,9 +87,18 @@ def keeps_inertia(plant: Plant | None, asked: bool | None, free: Collection[str]
 
 def require_agreement(drive: Drive, plant: Plant | None, *, motor_constant: bool, inertia: bool) -> None:
     """Raise the `InputError` for a `drive` that contradicts its `plant`: in the `motor_constant`, and in the `inertia`,
-    where these are to be kept."""
+    where these are to be kept, and in the turn of an angle, in the unit of the positions."""
     if plant is None:
         return
+    turn = turn_of(plant.position_unit)
+    for effect in drive.effects:
+        own = float(getattr(effect, "turn", turn or 0.0))
+        if turn is not None and not math.isclose(own, turn):
+            raise InputError(
+                f"{effect.name} has a full turn of {own:.6g}, and one in {plant.position_unit} is {turn:.6g}",
+                place="`drive`",
+                cure=f"Make the effect with turn={turn!r}, or correct the unit of the case.",
+            )
     known = {"motor_constant": plant.motor_constant} if motor_constant else {}
     known |= {"J": plant.inertia} if inertia else {}
     for name, right in known.items():

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers, known
@@ -12,7 +11,7 @@ from frictionjax.estimation.data.pieces import Piece, lanes_of
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
-from frictionjax.simulation import Gains, innovation_gain, innovations, observer_gains
+from frictionjax.simulation import Gains, innovation_gain, innovations, left_by_observer, observer_gains
 from frictionjax.simulation.lanes import innovations_side_by_side
 
 _EXPLODED = 30.0
@@ -92,23 +91,14 @@ class Observed(AbstractRecordings):
         return _EXPLODED * np.max(np.abs(self.without_model()), axis=1)
 
     def without_model(self) -> Float[np.ndarray, "rows n"]:
-        """Standardised innovations of an observer that expects every machine to keep its speed.
-
-        With a double pole p it leaves (1 - q)^2 / (1 - p q)^2 of the position, q being the unit delay: the acceleration
-        over the observer's memory.
-        """
+        """Standardised innovations of an observer that expects every machine to keep its speed (`left_by_observer`)."""
         batch, gains = self.batch, self.gains
-        poles = np.sqrt(1.0 - np.asarray(gains.position))
         unit = np.asarray(batch.noise * innovation_gain(gains))
         x, steps = np.asarray(batch.x), np.arange(batch.x.shape[1])
         travel = (
             np.asarray(batch.x0)[:, None] + (np.asarray(batch.v0) * np.asarray(batch.dt))[:, None] * steps
         )
-        left = [
-            scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own)
-            for pole, own in zip(poles, x - travel, strict=True)
-        ]
-        return np.stack(left) / unit[:, None] * np.asarray(batch.valid)
+        return left_by_observer(x - travel, gains) / unit[:, None] * np.asarray(batch.valid)
 
     def with_input(self, more: Float[np.ndarray, "rows n"]) -> "Observed":
         """The same positions with `more` input, held over each sample."""
@@ -122,14 +112,8 @@ class Observed(AbstractRecordings):
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
-        pole = np.sqrt(1.0 - np.asarray(self.gains.position))
-        level, white = np.asarray(innovation_gain(self.gains)), rng.standard_normal(self.batch.x.shape)
-        return np.stack(
-            [
-                scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * p, p**2], w) / g
-                for p, g, w in zip(pole, level, white, strict=True)
-            ]
-        )
+        white = rng.standard_normal(self.batch.x.shape)
+        return left_by_observer(white, self.gains) / np.asarray(innovation_gain(self.gains))[:, None]
 
 
 def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | None = None) -> Observed:

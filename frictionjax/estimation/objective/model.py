@@ -28,7 +28,8 @@ class Model(eqx.Module):
         return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
 
 
-@compiled()
+# Higher levels of XLA compile for longer, and the loop is no faster for it.
+@compiled(options={"xla_backend_optimization_level": 1})
 def with_slopes(
     model: Model, evidence: AbstractEvidence, parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]
 ) -> tuple[Float[Numbers, "w n"], Float[Numbers, "k w n"]]:
