@@ -84,7 +84,7 @@ def initial_state(
     """State of `drive` at the first sample; every bristle starts at deflection `z0`, and states of effects follow from
     the history `before` (None: a second of rest)."""
     hidden = drive.initial_states(Before() if before is None else before)
-    return State(x0, v0, z0 * jnp.ones(drive.bristle_count), hidden)
+    return State(x0, v0, jnp.asarray(z0), z0 * jnp.ones(drive.bristle_count - 1), hidden)
 
 
 def state_at(drive: Drive, start: Start) -> State:

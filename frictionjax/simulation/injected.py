@@ -173,13 +173,13 @@ def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, "
     bristles = drive.bristles()
 
     def one(state: State, u, push, rise):
-        spring = drive.spring_force(state.z[0])
+        spring = drive.spring_force(state.bristle)
         now = drive.instant(state.x, state.v, push, spring, state.hidden)
         level, w, fast = drive.level_at(now), drive.bristle_speed(now), drive.slip_speed(now)
         opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
         lost, a = drive.slip(spring / level, fast), (push - opposing) / drive.J
         sigma1 = drive.sigma1(state.v) + 0.0 * state.v
-        return Along(u, push, rise, state.x, state.v, state.z[0], spring, level, w, fast, lost, sigma1, a)
+        return Along(u, push, rise, state.x, state.v, state.bristle, spring, level, w, fast, lost, sigma1, a)
 
     applied = drive.applied_force(u, dt)
     rise = applied.rise if isinstance(applied, Push) else jnp.zeros_like(u)

@@ -56,7 +56,7 @@ def _flat_step(
     bristles, count = drive.bristles(), drive.bristle_count
 
     def step(flat, push):
-        state = State(flat[0], flat[1], flat[2 : 2 + count], flat[2 + count :])
+        state = State(flat[0], flat[1], flat[2], flat[3 : 2 + count], flat[2 + count :])
         return _flat(advance(drive, bristles, state, push, dt, substeps, exact_derivative=False))
 
     return step

@@ -99,13 +99,14 @@ def corrected(
     # In stick the bristle moves with the machine and is corrected with it; a slipping bristle is not. The level is
     # that at this velocity: with Fs instead, sliding bristles would be corrected too, and a model with a narrow peak of
     # static friction would gain a faster observer.
-    spring = drive.spring_force(state.z[0])
+    spring = drive.spring_force(state.bristle)
     level = drive.level_at(drive.instant(x, v, 0.0, spring, state.hidden))
     # LuGre's bristle follows with the part of the motion that is not slip, whatever the law of slip.
-    lost = jnp.abs(drive.slip(spring / level, v))[None]
-    elements = jnp.abs(state.z[1:]) / (slack[1:] * level / drive.friction.sigma0)
-    stuck = jnp.maximum(0.0, 1.0 - jnp.concatenate([lost, elements]))
-    return State(x, v, state.z + further * stuck, _load_kept(drive, hidden, further, faster))
+    stuck = jnp.maximum(0.0, 1.0 - jnp.abs(drive.slip(spring / level, v)))
+    bent = jnp.abs(state.elements) / (slack[1:] * level / drive.friction.sigma0)
+    elements = state.elements + further * jnp.maximum(0.0, 1.0 - bent)
+    hidden = _load_kept(drive, hidden, further, faster)
+    return State(x, v, state.bristle + further * stuck, elements, hidden)
 
 
 def _load_kept(
@@ -133,7 +134,7 @@ def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
     slack = drive.bristles().slack
 
     def correct(innovation, x, v, z, hidden):
-        return corrected(drive, slack, State(x, v, z, hidden), innovation, gains)
+        return corrected(drive, slack, State(x, v, z[0], z[1:], hidden), innovation, gains)
 
     return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z, observed.hidden)
 

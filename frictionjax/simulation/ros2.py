@@ -36,13 +36,20 @@ Substeps = int | Int[Numbers, ""]
 
 
 class State(eqx.Module):
-    """State of a drive: position `x`, velocity `v`, bristle deflections `z` of shape `(n,)` (position units, s), and
-    the states that effects add, `hidden`, of shape `(m,)`."""
+    """State of a drive: position `x`, velocity `v`, deflection of LuGre's `bristle` and of the elasto-slip `elements`
+    beside it, shape `(n,)` (position units, s), and the states that effects add, `hidden`, of shape `(m,)`."""
 
-    x: Float[Array, ""]
-    v: Float[Array, ""]
-    z: Float[Array, " n"]
-    hidden: Float[Array, " m"] = eqx.field(default_factory=lambda: jnp.zeros(0))
+    # Apart: the compiler finds no vector instructions for a loop in which one array is cut off another.
+    x: Float[Array, "*d"]
+    v: Float[Array, "*d"]
+    bristle: Float[Array, "*d"]
+    elements: Float[Array, "*d n"]
+    hidden: Float[Array, "*d m"] = eqx.field(default_factory=lambda: jnp.zeros(0))
+
+    @property
+    def z(self) -> Float[Array, "*d n+1"]:
+        """Deflection of every bristle element, LuGre's first, position units."""
+        return jnp.concatenate([self.bristle[..., None], self.elements], axis=-1)
 
 
 def ros2_step(
@@ -87,7 +94,7 @@ def ros2_step(
             return bend, 1.0
         return jax.jvp(lambda bent: drive.slip(bent, speed), (bend,), (jnp.ones_like(bend),))
 
-    x, v, z = state.x, state.v, state.z[0]
+    x, v, z = state.x, state.v, state.bristle
     hidden, load = state.hidden[:own], state.hidden[own:]
     sigma1 = drive.sigma1(v)
     spring, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
@@ -108,7 +115,7 @@ def ros2_step(
     rate = w - jnp.abs(s) * lost
     # An elasto-slip element moves with the machine until it yields: h times its mean rate is its change of deflection.
     limit = level * slack
-    plays = bristles.cut(state.z[1:], limit)
+    plays = bristles.cut(state.elements, limit)
     bent = moved = stuck = bent_1 = moved_1 = 0.0
     if not alone:
         bent, moved = total(plays), total(bristles.cut(plays + h * w, limit) - plays) / h
@@ -240,12 +247,12 @@ def ros2_step(
         bound = jax.lax.stop_gradient(jnp.maximum(jnp.abs(z), highest / friction.sigma0))
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))
     v2 = v2 + sigma1 * (excess if alone else first * excess) * mobility
-    z2 = (z2 - excess)[None]
+    z2, elements = z2 - excess, state.elements
     if not alone:
         way = x2 - x
         if own:
             way = way - 0.5 * h * ((v - w) + (v1 - w1))
-        z2 = jnp.concatenate([z2, bristles.cut(plays + way, limit_1)])
+        elements = bristles.cut(plays + way, limit_1)
     following = [hidden]
     if own:
         # Mean source and rate: second order, and stable at any rate.
@@ -255,7 +262,7 @@ def ros2_step(
         ]
     if side is not None:
         following.append(load + h * jnp.stack([1.5 * k1_d + 0.5 * k2_d, 1.5 * k1_w + 0.5 * k2_w]))
-    return State(x2, v2, z2, jnp.concatenate(following))
+    return State(x2, v2, z2, elements, jnp.concatenate(following))
 
 
 def advance(
