@@ -30,9 +30,11 @@ from frictionjax.estimation.objective.posterior import Posterior
 
 # Unmeasured force over Coulomb friction: what is allowed at first, while the parameters are still far off; then
 # candidates for what is likely; then candidates over the last one found. All of one number: one compiled program.
-_AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08])
-_LIKELY = np.array([1e-6, 1e-4, 1e-3, 1e-2, 1e-1])
-_AROUND = np.array([0.1, 0.3, 0.6, 1.0, 2.5])
+_AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
+_LIKELY = np.array([1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+_AROUND = np.array([0.1, 0.3, 0.6, 1.0, 2.5, 10.0])
+_APART = 0.1  # of their logarithms: candidates that are closer are one
+_BEYOND = 4.0  # times the largest of them, the last one where there is no other
 # A recording that needs so many times the least unmeasured force may have a wrong model.
 _MUCH_MORE, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is negligible
 # Unmeasured force over Coulomb friction, in turn, to find out.
@@ -249,7 +251,7 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
         # less and less of it, the same in all recordings, the model must explain them; the likelihood decides.
         present = state
         for part in _LOWER_LEVELS:
-            present = rounds.round(present, _of_friction(rounds, present, np.full(_AROUND.size, part)))
+            present = rounds.round(present, _of_friction(rounds, present, np.full(_LIKELY.size, part)))
         again = _to_the_minimum(rounds, present, _AROUND)
         better = again.progress.least < found.progress.least - SAME_COST
         found = rounds.where(better & inconsistent, again, found)
@@ -288,8 +290,17 @@ def _shorter(state: State) -> State:
 
 
 def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:
-    """Candidates about the likeliest ratios: where a parabola through those tried has its top."""
-    return None if state.noise is None else np.asarray(state.noise.best)[..., None] * _AROUND
+    """Candidates about the likeliest ratios, where a parabola through those tried has its top, and the present ones."""
+    if state.noise is None:
+        return None
+    noise = state.noise
+    ratios = np.asarray(noise.best)[..., None] * _AROUND
+    present = (np.asarray(noise.push) / np.asarray(noise.position))[..., None]
+    # What the parameters were found with is tried again, or the next round might cost more; where it is among the
+    # others it is not, as neighbours that coincide have no parabola.
+    among = np.any(np.abs(np.log(present / ratios)) < _APART, axis=-1, keepdims=True)
+    last = np.where(among, _BEYOND * ratios[..., -1:], present)
+    return np.sort(np.concatenate([ratios, last], axis=-1), axis=-1)
 
 
 def _of_friction(

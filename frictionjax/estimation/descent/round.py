@@ -141,7 +141,7 @@ def judged(
     cost, last = after.cost, progress.last
     # Every step failed: at the minimum, or where the cost is too curved for next to no damping.
     failed = xp.all(after.vector == old) & ~progress.retried & (progress.rounds < ROUNDS - 1)
-    better = ~failed & (cost < progress.least)
+    better = cost < progress.least
     far = xp.max(xp.abs(after.vector - old) * STRIDE * NEAR_UNITS / after.unit)
     at_rest = ~(far > SHORT_MOVE)
     if noise is not None and after.noise is not None:
@@ -156,7 +156,7 @@ def judged(
         last=xp.where(failed & ~(cost < last), last, cost),
         least=xp.where(better, cost, progress.least),
         worse=worse,
-        retried=failed | (progress.retried & ~better),
+        retried=failed | (progress.retried & ~(better & ~failed)),
         moved=far,
         converged=converged,
         ended=converged | (worse > _MOST_WORSE) | (rounds >= ROUNDS),
