@@ -69,10 +69,15 @@ def _set_up():
 
     # XLA reads its flags when JAX first computes.
     frictionjax.configure_jax()
-    # Compiled programs are kept in the checkout, never in the user's cache, for the other files, the other workers and
-    # the next run: most of the tests' time is compilation. Programs that the tests start keep theirs there, too. What
-    # counts traces counts them all the same: a program that is found there is traced and asked for like any other.
-    frictionjax.core.keep_compiled(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+    # Compiled programs are kept in the checkout, or where `.ci/run` says, never in the user's cache, for the other
+    # files, the other workers and the next run: most of the tests' time is compilation. Programs that the tests start
+    # keep theirs there, too. What counts traces counts them all the same: a program that is found there is traced and
+    # asked for like any other.
+    here = (
+        os.environ.get("FRICTIONJAX_TEST_PROGRAMS")
+        or Path(__file__).parents[1] / ".pytest_cache" / "compiled"
+    )
+    frictionjax.core.keep_compiled(Path(here))
     os.environ["JAX_COMPILATION_CACHE_DIR"] = jax.config.jax_compilation_cache_dir or ""
     jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
