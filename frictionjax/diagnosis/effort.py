@@ -51,6 +51,10 @@ class Refitting:
 
     **Attributes:**
 
+    - `searched_samples`: of each recording, from its first on, by which candidates are refitted with the fast observer;
+      the last descent of those that are left is on all samples. It is the shortest length of a program: longer ones
+      are compiled for the last descent alone.
+    - `searched_part`: part of the misfit of the whole that this first part must have; else the whole is searched.
     - `first_steps`: steps of a descent after which candidates that lag behind are given up.
     - `steps`: steps in all with the fast observer; `tolerance`: where they end sooner.
     - `lagging`: part of the best one's gain by then; `least_kept`: candidates that go on in any case.
@@ -70,6 +74,8 @@ class Refitting:
       `map_tolerance`: of the first, the slow one has `slow_tolerance`.
     """
 
+    searched_samples: int = 16_384
+    searched_part: float = 0.5
     first_steps: int = 5
     steps: int = 12
     tolerance: float = 0.03

@@ -1,5 +1,6 @@
 """Refits: where they begin."""
 
+import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import effect
 
-from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.effort import Effort, Refitting
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
@@ -139,6 +140,54 @@ def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driv
     assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)
 
 
+def _searching(samples):
+    """An effort that searches by so many samples of each recording."""
+    return Effort(refitting=dataclasses.replace(Refitting(), searched_samples=samples))
+
+
+def test_the_first_part_of_a_posterior_is_that_of_recordings_cut_short():
+    recordings = tuple(open_loop(name, stick_noise(), seed=k) for k, name in enumerate(("one", "two")))
+    batch = make_batch(recordings, encoder_step=FINE)
+    whole, vector = robust_posterior(PLANT, batch, np.array([False, True]))
+    most = 30 * batch.block
+    short = tuple(dataclasses.replace(one, u=one.u[:most], x=one.x[:most]) for one in recordings)
+    cut = dataclasses.replace(make_batch(short, encoder_step=FINE), noise=batch.noise, before=batch.before)
+    part, alone = whole.first(most - 1), robust_posterior(PLANT, cut, np.array([False, True]))[0]
+    assert part.batch.x.shape[1] == most < batch.x.shape[1]
+    kept = np.s_[..., :most]
+    np.testing.assert_allclose(
+        part.errors_at([vector])[0], alone.errors_at([vector])[0][kept], rtol=1e-9, atol=1e-9
+    )
+    assert part.misfits([vector])[0] == pytest.approx(alone.misfits([vector])[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("there", "is_part"), [(0.6, True), (0.4, False)])
+def test_the_first_part_is_searched_where_it_shows_what_is_missing(there, is_part):
+    def objective(misfit, **more):
+        return SimpleNamespace(misfits=lambda vectors: [misfit], **more)
+
+    part = objective(there)
+    batch = SimpleNamespace(imposed=False, lengths=np.array([1001, 10]))
+    whole = objective(1.0, batch=batch, first=lambda samples: part)
+    searched, misfit = refit._searched(whole, np.zeros(1), _searching(1000))
+    assert (searched is part) == is_part and misfit == (there if is_part else 1.0)
+    assert refit._searched(whole, np.zeros(1), _searching(1001))[0] is whole
+
+
+def test_a_refit_ends_on_all_samples_whatever_its_search_was_of(driven):
+    model, scales, _, tried = driven
+    trial = max(tried["load_dependence"], key=lambda t: t.gain)
+    samples = model.posterior.batch.x.shape[1]
+    with ThreadPoolExecutor(1) as executor:
+        ends = [
+            refit_all([trial], model, scales, executor, effort=_searching(most))[0].model
+            for most in (samples, 2 * samples // 3)
+        ]
+    assert [end.posterior.batch.x.shape for end in ends] == [model.posterior.batch.x.shape] * 2
+    misfits = [end.fitted.misfit for end in ends]
+    assert misfits[1] == pytest.approx(misfits[0], rel=0.02)
+
+
 class _Ended(SimpleNamespace):
     """A candidate of the form `form` whose descent ended at this `misfit`."""
 
@@ -149,7 +198,7 @@ class _Ended(SimpleNamespace):
 def _start_at(best):
     """A start at a misfit of 1 beside a base model without effects, with this misfit of the `best` before."""
     base = SimpleNamespace(posterior=SimpleNamespace(drive=SimpleNamespace(effects=())))
-    return Start(base, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
+    return Start(base, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
 
 
 @pytest.mark.parametrize(("best", "stay"), [(np.inf, ["A", "B", "C", "D"]), (0.0, ["A", "B", "C"])])

@@ -31,14 +31,16 @@ Vector = Float[Numbers, " q"]
 class Start:
     """What all candidates of a round start from.
 
-    **Attributes:** `model` (without them), `fast` (its objective with the fast observer), its `misfit` there, that of
-    the `best` candidate that was refitted before (infinite where none was), `scales` (the plant's sizes), `graduate`
+    **Attributes:** `model` (without them), `fast` (its objective with the fast observer, of the first part of long
+    recordings) and `whole` (of all of them), its `misfit` by the first, that of the `best` candidate that was refitted
+    before (infinite where none was), `scales` (the plant's sizes), `graduate`
     (whether descents begin with a wide loss), `ratio` (part of the inertia that stick lacks, or None), `pair`
     (antiresonance and resonance, or None), `base_effects` (how many the base model has), `rule`, `effort`.
     """
 
     model: Model
     fast: Posterior
+    whole: Posterior
     misfit: float
     best: float
     scales: dict[str, float]
@@ -168,7 +170,7 @@ def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
 def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
     """The `candidate` after its last descent, with the slow observer, and judged."""
     found, rule = candidate.fitted.vector, start.rule
-    slow = candidate.posterior.at_bandwidth(SLOW_BANDWIDTH)
+    slow = candidate.posterior.on_recordings_of(start.whole).at_bandwidth(SLOW_BANDWIDTH)
     if has_contacts(candidate.trial.form):
         # Contacts are shorter than anything else in the machine.
         slow = without_chaos(slow, found, rule=rule)

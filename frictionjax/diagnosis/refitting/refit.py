@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
+from jaxtyping import Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.refitting.backlash_search import load_ratio
@@ -26,6 +28,7 @@ from frictionjax.diagnosis.refitting.shortlist import backlash_candidates
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
+from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.estimation.start.force_balance import Balanced
 
@@ -113,12 +116,14 @@ def refit_balanced(
 def _start(
     model: Model, scales: dict[str, float], hints: Hints, best: Model | None, rule: Rule, effort: Effort
 ) -> Start:
-    fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
+    whole = model.posterior.at_bandwidth(FAST_BANDWIDTH)
+    fast, misfit = _searched(whole, model.fitted.vector, effort)
     return Start(
         model=model,
         fast=fast,
-        misfit=float(fast.misfits([model.fitted.vector])[0]),
-        best=math.inf if best is None else _with_fast_observer(best),
+        whole=whole,
+        misfit=misfit,
+        best=math.inf if best is None else _with_fast_observer(best, fast),
         scales=scales,
         # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
         graduate=model.posterior.batch.imposed,
@@ -130,9 +135,21 @@ def _start(
     )
 
 
-def _with_fast_observer(model: Model) -> float:
-    """The misfit of the `model` with the fast observer."""
-    return float(model.posterior.at_bandwidth(FAST_BANDWIDTH).misfits([model.fitted.vector])[0])
+def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) -> tuple[Posterior, float]:
+    """What first descents are of, and its misfit at the `vector`: the first part of the recordings of the `whole`
+    objective where they are long, and where it shows what the model misses."""
+    misfit, budget = float(whole.misfits([vector])[0]), effort.refitting
+    if whole.batch.imposed or int(np.max(whole.batch.lengths)) <= budget.searched_samples:
+        return whole, misfit
+    part = whole.first(budget.searched_samples)
+    there = float(part.misfits([vector])[0])
+    return (part, there) if there > budget.searched_part * misfit else (whole, misfit)
+
+
+def _with_fast_observer(model: Model, searched: Posterior) -> float:
+    """The misfit of the `model` with the fast observer, on the recordings that are `searched`."""
+    own = model.posterior.at_bandwidth(FAST_BANDWIDTH).on_recordings_of(searched)
+    return float(own.misfits([model.fitted.vector])[0])
 
 
 def _from_other_starts(

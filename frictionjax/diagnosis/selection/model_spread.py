@@ -13,8 +13,8 @@ from frictionjax.estimation.parameters import Free, part_of
 from frictionjax.physics import Drive
 
 _MOVED = (
-    "The extended model leaves more than noise, which may have moved its parameters: their errors include how far each "
-    "goes when another effect that clearly gains is tried beside what is named, and may still be too small."
+    "The extended model does not reach the noise floor, so its parameters may be biased. Their errors include how far "
+    "each goes when another effect that clearly gains is tried beside what is named, and may still be too small."
 )
 
 

@@ -166,6 +166,12 @@ class Batch(AbstractBatch):
         """The same recordings with so many integration `substeps` a sample."""
         return self if substeps == self.substeps else dataclasses.replace(self, substeps=substeps)
 
+    def first(self, samples: int) -> "Batch":
+        """The same recordings up to so many `samples`, or a few more: a whole number of blocks."""
+        most = -(-samples // self.block) * self.block
+        cut = {name: np.asarray(getattr(self, name))[:, :most] for name in ("u", "x", "valid")}
+        return dataclasses.replace(self, **cut, lengths=np.minimum(self.lengths, most))
+
     def each(
         self,
         function: Callable[..., PyTree],

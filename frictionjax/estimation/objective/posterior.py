@@ -290,6 +290,19 @@ class Posterior(AbstractObjective):
         own = self.recordings.at_bandwidth(bandwidth, pace=pace)
         return eqx.tree_at(lambda p: (p.evidence, p.ceilings), self, ((own,), (own.largest_derivative,)))
 
+    def first(self, samples: int) -> "Posterior":
+        """The same of the first so many `samples` of each recording of an applied input (`Batch.first`)."""
+        recordings = self.recordings
+        assert isinstance(recordings, Observed)
+        own = eqx.tree_at(lambda one: one.batch, recordings, recordings.batch.first(samples))
+        weights = np.asarray(self.weights[0]).reshape(own.rows, -1)[:, : own.samples // own.batch.block]
+        return eqx.tree_at(lambda p: (p.evidence, p.weights), self, ((own,), (weights.ravel(),)))
+
+    def on_recordings_of(self, other: "Posterior") -> "Posterior":
+        """The same on the recordings of the `other` one, with its weights."""
+        parts = (other.evidence, other.weights, other.ceilings)
+        return eqx.tree_at(lambda p: (p.evidence, p.weights, p.ceilings), self, parts)
+
     def of_fitted(self, vector: Float[Numbers, " q"]) -> tuple["Posterior", Float[Numbers, " q"]]:
         """The posterior of the fitted recordings alone, and its part of `vector`."""
         rows, count = np.flatnonzero(np.asarray(self.fitted[0]) > 0), self.parameters

@@ -81,4 +81,4 @@ def _seconds(horizon: Horizon) -> float:
 
 def _change(horizon: Horizon, unit: str, extended: bool) -> Markup:
     base, now, still = quantities([horizon.base, horizon.extended, horizon.standstill], unit)
-    return pair(base, now if extended else None) + f" ({still})"
+    return pair(base, now if extended else None) + Markup('<br><span class="still">({})</span>').format(still)
