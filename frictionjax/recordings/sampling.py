@@ -19,6 +19,9 @@ _CAUGHT_UP = 0.05
 # No more than this part of a recording is filled by interpolation.
 _MOST_MISSING = 0.2
 _STILL = 1e-6  # of the usual step: samples that are closer have one time stamp
+_ENDLESS = (
+    1e9  # samples that a step may lack: more are refused in any case, and are no whole number of this machine
+)
 # A rate this near (relatively) to a whole number of Hz or of microseconds is that number.
 _SNAP = 1e-5
 
@@ -107,21 +110,23 @@ def find_grid(
             cure="Correct the time stamps (more decimals, if they were rounded), or, when the samples are known "
             "to be evenly spaced, remove the column and give sample_rate",
         )
+    typical = float(np.median(steps))
+    interrupted = InputError(
+        f"time steps range from {steps.min():.4g} s to {steps.max():.4g} s: this is not a uniformly sampled recording",
+        file=file,
+        place=f"column `{shown(column)}`",
+        cure="Log at a fixed rate, or use the part without interruptions (interval)",
+    )
+    if float(steps.max()) > _ENDLESS * typical:
+        raise interrupted
     index = np.arange(stamps.size)
     step, start = _line(index, stamps)
     if float(np.abs(stamps - (start + step * index)).max()) <= _rounding(stamps, step):
         return Grid(_snapped(1.0 / step), Sampling(), stamps, None)
-    typical = float(np.median(steps))
     count = _counted(steps / typical)
     missing = float(count.sum()) - steps.size
     if max(missing, np.count_nonzero(steps > _GAP * typical)) > _MOST_MISSING * stamps.size:
-        raise InputError(
-            f"time steps range from {steps.min():.4g} s to {steps.max():.4g} s: this is not a uniformly sampled "
-            "recording",
-            file=file,
-            place=f"column `{shown(column)}`",
-            cure="Log at a fixed rate, or use the part without interruptions (interval)",
-        )
+        raise interrupted
     index = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     step, start = _line(index, stamps)
     gaps = np.flatnonzero(steps > _GAP * step)
@@ -179,7 +184,7 @@ def _stalls(steps: Float[np.ndarray, " k"]) -> Iterator[tuple[int, int, int]]:
         while end < steps.size and (steps[end] > _GAP or (steps[end] < 1.0 and behind >= _CAUGHT_UP)):
             behind += steps[end] - 1.0
             end += 1
-        yield int(first), end, max(round(behind), 0)
+        yield int(first), end, max(round(min(behind, _ENDLESS)), 0)
 
 
 def _line(index: Int[np.ndarray, " m"], stamps: Float[np.ndarray, " m"]) -> tuple[float, float]:
@@ -191,8 +196,8 @@ def _line(index: Int[np.ndarray, " m"], stamps: Float[np.ndarray, " m"]) -> tupl
 
 def _rounding(stamps: Float[np.ndarray, " m"], step: float) -> float:
     """How far the stamps of a uniform grid may lie from it, s, by their floating-point or decimal rounding."""
-    single = np.array_equal(stamps, stamps.astype(np.float32))
     largest = np.abs(stamps).max()
+    single = largest < np.finfo(np.float32).max and np.array_equal(stamps, stamps.astype(np.float32))
     floating = 2 * float(np.spacing(np.float32(largest) if single else largest))
     for decimals in range(10):
         unit = 10.0**-decimals

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from frictionjax.core import InputError
 from frictionjax.recordings.readers.arrays import ArrayTable
@@ -135,3 +137,17 @@ def test_a_stamp_that_came_early_is_jitter():
 def test_too_much_missing_is_refused():
     with pytest.raises(InputError, match="not a uniformly sampled recording"):
         grid(np.cumsum(RNG.exponential(1e-3, 1000) + 1e-5))
+
+
+@given(place=st.integers(1, 999), exponent=st.floats(15.0, 308.0))
+def test_a_stamp_beyond_all_counting_is_refused(place, exponent):
+    """Of a damaged file: so many samples are missing that no whole number holds them."""
+    t = np.arange(1000) / 1000.0
+    t[place:] += 10.0**exponent
+    assume(np.all(np.diff(t[: place + 1]) > 0.0))
+    with pytest.raises(InputError):
+        grid(t)
+    t = np.arange(1000) / 1000.0
+    t[-1] = 10.0**exponent
+    with pytest.raises(InputError, match="not a uniformly sampled recording"):
+        grid(t)
