@@ -1,17 +1,27 @@
 """Measurement files of the automotive industry: ASAM MDF, `.mf4` and `.mdf`."""
 
+import shutil
+import tempfile
+import weakref
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from frictionjax.core import InputError
+from frictionjax.recordings.limits import most_bytes, too_large
+from frictionjax.recordings.readers.apart import ParserEnded, ask
 from frictionjax.recordings.readers.arrays import ArrayTable, Collected
-from frictionjax.recordings.readers.extra import clean_errors, library
+from frictionjax.recordings.readers.extra import library
+from frictionjax.recordings.words import shown
+
+_SECONDS, _PER_BYTE = 30.0, 1e-6  # s that the parser may take, beside those for each byte
 
 
 def open_mf4(path: Path) -> ArrayTable:
-    """Open an MDF file, of version 3 or 4.
+    """Open an MDF file, of version 3 or 4, in a process of its own: a damaged one may crash the library that reads it.
 
     **Arguments:**
 
@@ -20,36 +30,48 @@ def open_mf4(path: Path) -> ArrayTable:
     **Returns:** its table: channels by their names, or as `name (group 2)` where a name occurs twice; with their units,
     and the clock of their group.
 
-    **Raises:** `InputError` where asammdf is absent, for a damaged file, and one without channels.
+    **Raises:** `InputError` where asammdf is absent, for a damaged file, for one that holds more than the limit, and
+    one without channels.
     """
-    asammdf = library("asammdf", path)
+    library("asammdf", path)
+    folder = _Folder()
+    request = {"path": str(path.resolve()), "folder": str(folder.path), "most": most_bytes()}
+    answer: dict[str, Any]
+    try:
+        seconds = _SECONDS + _PER_BYTE * path.stat().st_size
+        answer = ask("frictionjax.recordings.readers.mf4_parser", request, seconds)
+    except ParserEnded as error:
+        answer = {"error": str(error)}
+    if answer.get("large"):
+        raise too_large(shown(path, 200), "what it holds")
+    if "error" in answer:
+        raise InputError(
+            f"is not an MDF file that can be read ({shown(answer['error'], 80)})",
+            file=shown(path, 200),
+            cure="Export it again, or as text",
+        )
     found = Collected("channel")
-    # A stream of ours is closed whatever happens.
-    with (
-        clean_errors(path, "is not an MDF file that can be read", "Export it again, or as text"),
-        path.open("rb") as stream,
-        asammdf.MDF(stream) as file,
-    ):
-        places = [
-            (channel.name, group, index)
-            for group, content in enumerate(file.groups)
-            for index, channel in enumerate(content.channels)
-            if file.masters_db.get(group) != index
-        ]
-        times = Counter(name for name, _, _ in places)
-        for channel, group, index in places:
-            name = channel if times[channel] == 1 else f"{channel} (group {group + 1})"
-            found.columns[name] = _reading(path, group, index, clock=False)
-            found.clocks[name] = _reading(path, group, index, clock=True)
-            if unit := str(file.get_channel_unit(group=group, index=index) or ""):
-                found.units[name] = unit
+    times = Counter(channel["name"] for channel in answer["channels"])
+    for channel in answer["channels"]:
+        name = channel["name"]
+        name = name if times[name] == 1 else f"{name} (group {channel['group'] + 1})"
+        if not channel["samples"]:
+            found.refused[name] = "holds text or objects, not numbers"
+            continue
+        found.columns[name] = _reading(folder, channel["samples"])
+        found.clocks[name] = _reading(folder, channel["times"])
+        if channel["unit"]:
+            found.units[name] = channel["unit"]
     return found.table(path)
 
 
-def _reading(path: Path, group: int, index: int, *, clock: bool) -> Callable[[], np.ndarray]:
-    def read() -> np.ndarray:
-        with path.open("rb") as stream, library("asammdf", path).MDF(stream) as file:
-            signal = file.get(group=group, index=index)
-            return np.asarray(signal.timestamps if clock else signal.samples)
+class _Folder:
+    """A temporary folder, the `path`, for as long as a column may be read from it."""
 
-    return read
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="frictionjax-"))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
+def _reading(folder: _Folder, file: str) -> Callable[[], np.ndarray]:
+    return lambda: np.load(folder.path / file, allow_pickle=False)
