@@ -6,7 +6,6 @@ has the time loop, each thread block its drives, and the state stays in register
 
 from functools import partial
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,9 +30,9 @@ def _kernel(parameters_ref, force_ref, out_ref, *, samples: int):
     def step(k, state):
         def one(p, x, v, z):
             drive = drive_of(p)
-            start = eqx.tree_at(lambda s: (s.x, s.v, s.z), initial_state(drive, x, v, z), (x, v, z[None]))
+            start = initial_state(drive, x, v, z)
             after = advance(drive, drive.bristles(), start, force_ref[k], jnp.asarray(DT), 1)
-            return after.x, after.v, after.z[0]
+            return after.x, after.v, after.bristle
 
         return jax.vmap(one)(values, *state)
 
