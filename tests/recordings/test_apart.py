@@ -4,7 +4,7 @@ import pytest
 
 from frictionjax.core import InputError
 from frictionjax.recordings import case_from_files
-from frictionjax.recordings.readers import mf4
+from frictionjax.recordings.readers import apart, mf4
 from frictionjax.recordings.readers.apart import ParserEnded, ask
 
 PARSER = """
@@ -39,6 +39,19 @@ def test_one_process_answers_until_it_ends_and_then_another(parser):
     with pytest.raises(ParserEnded, match="had not ended after 1 s"):
         ask(parser, {"do": "hang"}, 1.0)
     assert ask(parser, {"do": "answer"}, LONG)["process"] not in (first["process"], second["process"])
+
+
+def test_an_answer_that_was_not_waited_for_is_not_that_to_the_next_request(parser, monkeypatch):
+    first = ask(parser, {"do": "answer"}, LONG)
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(apart.json, "dumps", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            ask(parser, {"do": "answer"}, LONG)
+    assert ask(parser, {"do": "answer"}, LONG)["process"] != first["process"]
 
 
 def test_a_file_whose_parser_ends_is_refused_in_one_line(tmp_path, monkeypatch):

@@ -54,11 +54,17 @@ def ask(module: str, request: dict[str, Any], seconds: float) -> dict[str, Any]:
             line = worker.stdout.readline()
         except BrokenPipeError:
             line = ""
+        except BaseException:
+            # Its answer would be taken for that to the next request.
+            _end(_WORKERS.pop(key))
+            raise
         finally:
             timer.cancel()
-        if line.endswith("\n"):
+        whole = line.endswith("\n")
+        if late.is_set() or not whole:
+            _end(_WORKERS.pop(key))
+        if whole:
             return json.loads(line)
-        _end(_WORKERS.pop(key))
     if late.is_set():
         raise ParserEnded(f"its parser had not ended after {seconds:.0f} s")
     raise ParserEnded(f"its parser crashed, exit status {worker.returncode}")
