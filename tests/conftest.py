@@ -45,6 +45,10 @@ COMPILED_PLAINLY = (
 which takes half of the time. With `--slow` they, too, are compiled as for a user."""
 
 
+COUNTED = "tests/house/test_traces.py"
+"""Where traces are counted: a whole program that is found on the disk is not traced."""
+
+
 def pytest_addoption(parser):
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
     parser.addoption(
@@ -110,12 +114,19 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_plainly(request):
-    """Few optimisations of what the files of COMPILED_PLAINLY compile, and all of them elsewhere and with `--slow`."""
+    """Few optimisations of what the files of COMPILED_PLAINLY compile, and all of them elsewhere and with `--slow`; and
+    no program of an earlier run where traces are counted."""
     import jax
+
+    from frictionjax.core.programs import forget_programs
 
     here = request.path.relative_to(request.config.rootpath).as_posix()
     plainly = here.startswith(COMPILED_PLAINLY) and not request.config.getoption("--slow")
     jax.config.update("jax_disable_most_optimizations", plainly)
+    counted = here == COUNTED
+    jax.config.update("jax_enable_compilation_cache", not counted)
+    if counted:
+        forget_programs()
 
 
 @pytest.fixture
