@@ -32,8 +32,9 @@ from frictionjax.core.setup import processor, programs_folder
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 _ARRAYS = jax.Array | np.ndarray
-# Programs that a process keeps; those that were not used for longest are let go. A diagnosis has about a hundred.
-_MOST = 400
+# Programs that a process keeps, some 8 MB each; those that were not used for longest are let go, and found on the disk
+# when they are wanted again. A diagnosis has about a hundred.
+_MOST = 150
 # Structures of a simulated drive, of some 10 MB each.
 _MOST_STRUCTURES = 32
 _PACKAGE = Path(__file__).parents[1]
