@@ -32,8 +32,8 @@ from frictionjax.core.setup import processor, programs_folder
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 _ARRAYS = jax.Array | np.ndarray
-# Programs that a process keeps, some 8 MB each; those that were not used for longest are let go, and found on the disk
-# when they are wanted again. A diagnosis has about a hundred.
+# Programs that a process keeps, up to 15 MB each; those that were not used for longest are let go, and found on the
+# disk when they are wanted again. More hold memory; fewer than the hundred of a diagnosis are read again within it.
 _MOST = 150
 # Structures of a simulated drive, of some 10 MB each.
 _MOST_STRUCTURES = 32

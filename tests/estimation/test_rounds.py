@@ -70,6 +70,13 @@ def test_a_round_without_a_successful_step_is_tried_again_once():
     assert bool(progress.converged)
 
 
+def test_a_round_without_a_successful_step_counts_where_its_noise_is_likelier():
+    progress, failures = _after([(9.0, -90.0), (18.0, -100.0), (18.0, -105.0)])
+    assert failures == [False, False, True]
+    assert float(progress.least) == -105.0
+    assert not bool(progress.ended)
+
+
 def test_rounds_that_cost_more_time_and_again_are_given_up():
     worse = [(9.0 * k, -100.0 + 10.0 * k) for k in range(1, 6)]
     progress, _ = _after(worse)

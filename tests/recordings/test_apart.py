@@ -1,5 +1,6 @@
 """Parsers in a process of their own: what ends them ends nothing else."""
 
+import numpy as np
 import pytest
 
 from frictionjax.core import InputError
@@ -67,10 +68,19 @@ def test_a_file_whose_parser_ends_is_refused_in_one_line(tmp_path, monkeypatch):
         case_from_files([path])
 
 
-def test_more_than_the_limit_is_refused(tmp_path, monkeypatch):
-    pytest.importorskip("asammdf")
-    monkeypatch.setattr(mf4, "ask", lambda *_: {"large": True})
-    path = tmp_path / "run.mf4"
-    path.write_bytes(b"MDF     4.10")
-    with pytest.raises(InputError, match="larger than the limit"):
-        case_from_files([path])
+def test_a_channel_that_cannot_be_read_costs_the_others_nothing(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    t = np.arange(400) / 1000.0
+    signals = [
+        asammdf.Signal(values, t, name=name, encoding="utf-8" if values.dtype.kind == "S" else None)
+        for name, values in (("u", np.sin(t)), ("x", np.cos(t)), ("note", np.array([b"text"] * 400)))
+    ]
+    with asammdf.MDF() as file:
+        file.append(signals)
+        path = file.save(tmp_path / "run.mf4", overwrite=True)
+    table = mf4.open_mf4(path)
+    assert table.names == ("u", "x", "note")
+    np.testing.assert_array_equal(table.read(["x"])[0], np.cos(t))
+    np.testing.assert_array_equal(table.clock("u"), t)
+    with pytest.raises(InputError, match="`note` holds text"):
+        table.read(["note"])

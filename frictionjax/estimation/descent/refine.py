@@ -33,8 +33,6 @@ from frictionjax.estimation.objective.posterior import Posterior
 _AT_FIRST = np.array([0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 _LIKELY = np.array([1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
 _AROUND = np.array([0.1, 0.3, 0.6, 1.0, 2.5, 10.0])
-_APART = 0.1  # of their logarithms: candidates that are closer are one
-_BEYOND = 4.0  # times the largest of them, the last one where there is no other
 # A recording that needs so many times the least unmeasured force may have a wrong model.
 _MUCH_MORE, _USUAL = 30.0, 1e-3  # the second: of Coulomb friction, less is negligible
 # Unmeasured force over Coulomb friction, in turn, to find out.
@@ -297,9 +295,9 @@ def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:
     ratios = np.asarray(noise.best)[..., None] * _AROUND
     present = (np.asarray(noise.push) / np.asarray(noise.position))[..., None]
     # What the parameters were found with is tried again, or the next round might cost more; where it is among the
-    # others it is not, as neighbours that coincide have no parabola.
-    among = np.any(np.abs(np.log(present / ratios)) < _APART, axis=-1, keepdims=True)
-    last = np.where(among, _BEYOND * ratios[..., -1:], present)
+    # others, the largest is there twice in its place, as neighbours that coincide have no parabola.
+    among = np.any(np.isclose(present, ratios), axis=-1, keepdims=True)
+    last = np.where(among, ratios[..., -1:], present)
     return np.sort(np.concatenate([ratios, last], axis=-1), axis=-1)
 
 
