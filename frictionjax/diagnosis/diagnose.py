@@ -26,7 +26,7 @@ from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_as_given, where_it_misses
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
-from frictionjax.diagnosis.findings.missing import missing_effects
+from frictionjax.diagnosis.findings.missing import missing_effects, where_each_acts
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
@@ -35,7 +35,7 @@ from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
-from frictionjax.diagnosis.mismatch_map.locate import map_of
+from frictionjax.diagnosis.mismatch_map.locate import grid_along
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.model_spread import moved
@@ -221,14 +221,17 @@ def _diagnose(
             of_final = None if final is base else parameters(final)
     progress("mapping the mismatch", 0.95)
     floor, mapping = steps[-1].floor, executor.map
-    located = map_of(base_view, extended_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
+    grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping)
+    located = grid.located(base_view, extended_view, rule=rule)
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
     notes += [text for text in (warning, biased) if text]
     experiments, without_experiment = _experiments(steps, progress)
     notes += without_experiment
-    missing = missing_effects(steps, decision.evidence, extended, located.where, experiments)
+    views = [(base, base_view), (final, extended_view)]
+    places = [located.where] if len(accepted) == 1 else where_each_acts(steps, grid, views, rule=rule)
+    missing = missing_effects(steps, decision.evidence, extended, places, experiments)
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]

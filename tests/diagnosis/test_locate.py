@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers_estimation import RATE
-from helpers_locate import World, moves, swings
+from helpers_locate import World, moves, swings, views_of
 
 from frictionjax.diagnosis.mismatch_map.axes import Axis
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
@@ -67,6 +67,21 @@ PLANTED = {
     "regime": ("sliding", lambda w: np.abs(w.motion.v) > 0.3),
     "input": ("|u| above 0.0481 V", lambda w: np.abs(w.motion.u) > 0.0481),
 }
+
+
+def test_each_effect_is_located_by_the_errors_that_it_explains(world):
+    """Two errors in two places: whichever is explained first, each effect has the place of its own errors."""
+    places, true = [PLANTED[axis] for axis in ("direction", "position")], world.innovations(0)
+    errors = [8.0 * where(world) * world.innovations(1 + k) for k, (_, where) in enumerate(places)]
+    grid = world.grid()
+    for first, second in ((0, 1), (1, 0)):
+        base, between, final = views_of(true + errors[0] + errors[1], true + errors[second], true)
+        explained = grid.explained(base, between), grid.explained(between, final)
+        for number, text in zip((first, second), explained, strict=True):
+            own, other = (places[k][0].removeprefix("x ") for k in (number, 1 - number))
+            assert own in text and "of what it explains" in text
+            assert other not in text
+        assert grid.explained(final, final) == "no place stands out"
 
 
 @pytest.mark.parametrize("axis", PLANTED)

@@ -329,7 +329,7 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     rest, weights = {"trials": [trial]}, [Evidence(0.9, 0.8, 0.5, 0.95)]
     step = SimpleNamespace(accepted=accepted, rivals=("drive_lag",), **rest)
     extended = {"J": Estimate(1.0, 0.1, "kg"), "delay": Estimate(1e-3, 1e-5, "s")}
-    (found,) = missing_effects([step], weights, extended, "stick", {})
+    (found,) = missing_effects([step], weights, extended, ["stick"], {})
     assert found.effect_class == ("delay", "drive_lag")
     assert found.parameters == {"delay": extended["delay"]}
     assert found.confidence == pytest.approx(Evidence(*found.evidence).confidence, abs=1e-3)
@@ -338,11 +338,11 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     assert found.sentence == form.about.sentence
     designed = SimpleNamespace(sentence="To distinguish delay from drive_lag: a sine.")
     assert (
-        missing_effects([step], weights, extended, "stick", {"delay": designed})[0].split_by
+        missing_effects([step], weights, extended, ["stick"], {"delay": designed})[0].split_by
         == designed.sentence
     )
     alone = SimpleNamespace(accepted=accepted, rivals=(), **rest)
-    assert missing_effects([alone], weights, extended, "stick", {})[0].split_by == ""
+    assert missing_effects([alone], weights, extended, ["stick"], {})[0].split_by == ""
 
 
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():

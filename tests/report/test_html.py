@@ -216,10 +216,11 @@ def test_unexplained_physics_is_said():
     assert "physics is missing that no effect of the catalogue explains" in nothing.visible
 
 
-def test_the_place_of_the_mismatch_is_said_once_above_the_cards():
+def test_the_place_of_the_mismatch_is_above_the_card_and_of_several_effects_on_each():
     diagnosis = fake_diagnosis(n=10)
     (first,) = diagnosis.missing
-    second = replace(first, effect="creep", effect_class=("creep",), p_value=3e-5)
+    places = {"effect": "creep", "effect_class": ("creep",), "where": "stick (90 % of what it explains)"}
+    second = replace(first, p_value=3e-5, **places)
     one = Page(Missing().body(diagnosis)).visible
     assert one.startswith(
         "Where the base model fails: presliding, first 20 um after a reversal. Maxwell slip"
@@ -228,7 +229,8 @@ def test_the_place_of_the_mismatch_is_said_once_above_the_cards():
     assert "experiment that would distinguish them nested triangles" in one
     assert "one at a time" not in one
     both = Page(Missing().body(replace(diagnosis, missing=(first, second)))).visible
-    assert both.count("first 20 um after a reversal") == 1
+    for place in ("presliding, first 20 um after a reversal", "stick (90 % of what it explains)"):
+        assert both.count(f"errors that it explains {place}") == 1
     assert "with the effects that were found before it" in both
     assert "p = 3×10⁻⁵ for the model without it" in both
 

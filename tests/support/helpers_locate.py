@@ -8,7 +8,7 @@ from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
 from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
-from frictionjax.diagnosis.mismatch_map.locate import floor_of_samples, locate
+from frictionjax.diagnosis.mismatch_map.locate import floor_of_samples, grid_of
 from frictionjax.diagnosis.mismatch_map.null_maps import chance_of, draw_innovations
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.recordings import Plant, Recording
@@ -49,13 +49,19 @@ class World:
         return drawn.astype(float) * np.sqrt(level)
 
     def located(self, e, after=None, *, floor=None, chance=None):
-        # The map uses the innovations of a view alone.
-        views = (View(own, own, own, own, own, own) for own in (e, e if after is None else after))
-        return locate(*views, self.axes, self.scene, floor, chance or self.chance)
+        return self.grid(floor, chance).located(*views_of(e, e if after is None else after))
+
+    def grid(self, floor=None, chance=None):
+        return grid_of(self.axes, self.scene, floor, chance or self.chance)
 
     def planted(self, where, size=8.0, seed=0):
         """The map of a true model's innovations with another such noise, `size` times as large, `where` it acts."""
         return self.located(self.innovations(seed) + size * where * self.innovations(seed + 1))
+
+
+def views_of(*innovations):
+    """Views of which the map uses the `innovations` alone."""
+    return [View(own, own, own, own, own, own) for own in innovations]
 
 
 def swings():

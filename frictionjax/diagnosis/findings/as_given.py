@@ -15,7 +15,7 @@ from jaxtyping import Float
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.views import Given, View, view
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
-from frictionjax.diagnosis.mismatch_map.locate import Located, map_of
+from frictionjax.diagnosis.mismatch_map.locate import Located, grid_along
 from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import SimulationAsGiven
@@ -118,7 +118,7 @@ def where_it_misses(
     - `base`: what the base model predicts: its observer says in which regime a sample lies.
     - `drive`: the base model.
     - `plant`: for units.
-    - `scene`, `floor`, `mapping`, `rule`: as in `locate`.
+    - `scene`, `floor`, `mapping`: as in `grid_of`; `rule`: which places are reported.
     """
     if given is None:
         return None
@@ -130,7 +130,8 @@ def where_it_misses(
     part = Scene(rows_of(scene.batch, rows), scene.held_out[rows], scene.bandwidth[rows], names)
     own: View = rows_of(base, rows)
     simulated = dataclasses.replace(own, free=given.free[rows], e=_errors(given.free[rows], part))
-    return map_of(simulated, own, drive, plant, part, floor[rows], mapping, rule=rule)
+    grid = grid_along(simulated, drive, plant, part, floor[rows], mapping)
+    return grid.located(simulated, own, rule=rule)
 
 
 def _errors(free: Float[np.ndarray, "r n"], scene: Scene) -> Float[np.ndarray, "r n"]:

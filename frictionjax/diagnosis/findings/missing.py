@@ -3,6 +3,10 @@
 from collections.abc import Sequence
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.views import View, view
+from frictionjax.diagnosis.mismatch_map.locate import Grid
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.diagnosis.selection.confidence import Evidence
 from frictionjax.diagnosis.selection.step import Step
@@ -14,7 +18,7 @@ def missing_effects(
     steps: list[Step],
     weights: Sequence[Evidence],
     extended: dict[str, Estimate],
-    where: str,
+    where: Sequence[str],
     experiments: dict[str, NextExperiment],
 ) -> tuple[MissingEffect, ...]:
     """What is reported of each effect that the `steps` accepted.
@@ -24,12 +28,12 @@ def missing_effects(
     - `steps`: the rounds of the selection.
     - `weights`: the evidence for each accepted effect.
     - `extended`: parameters of the extended model.
-    - `where`: where the base model's mismatch is, in words.
+    - `where`: where each of them acts, in words.
     - `experiments`: effect -> the experiment that distinguishes it from the closest of its class.
     """
     missing = []
     accepted = [step for step in steps if step.accepted is not None]
-    for step, evidence in zip(accepted, weights, strict=True):
+    for step, evidence, place in zip(accepted, weights, where, strict=True):
         found = step.accepted
         if found is None:
             continue
@@ -46,7 +50,7 @@ def missing_effects(
                 confidence=round(evidence.confidence, 3),
                 p_value=effect_p_values(step.trials)[found.effect],
                 parameters=parameters,
-                where=where,
+                where=place,
                 split_by=_split_by(effect, members, experiments.get(found.effect)),
                 next_experiment=experiments.get(found.effect),
                 sentence=effect.about.sentence,
@@ -54,6 +58,34 @@ def missing_effects(
             )
         )
     return tuple(missing)
+
+
+def where_each_acts(
+    steps: Sequence[Step], grid: Grid, known: Sequence[tuple[Model, View]], *, rule: Rule = Rule()
+) -> list[str]:
+    """In words, where the errors fell when each of the effects that the `steps` accepted was added to the model.
+
+    **Arguments:**
+
+    - `steps`: the rounds of the selection.
+    - `grid`: the bins of the map.
+    - `known`: models whose predictions are there already.
+    - `rule`: which places are reported.
+    """
+    views = list(known)
+
+    def view_of(model: Model) -> View:
+        for other, found in views:
+            if other is model:
+                return found
+        views.append((model, view(model.judgement, grid.scene)))
+        return views[-1][1]
+
+    return [
+        grid.explained(view_of(step.before), view_of(step.accepted.model), rule=rule)
+        for step in steps
+        if step.accepted is not None
+    ]
 
 
 def _split_by(effect: AbstractEffect, members: tuple[str, ...], designed: NextExperiment | None) -> str:

@@ -16,9 +16,9 @@ from jaxtyping import Float
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.mismatch_map.axes import Axis, Motion, axes_of
-from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
+from frictionjax.diagnosis.mismatch_map.bin_power import Tally, tally_of
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
-from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
+from frictionjax.diagnosis.mismatch_map.frequency_bands import Bands, bands_of
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance, chance_of, statistic_of
 from frictionjax.diagnosis.mismatch_map.where_words import divergence, lead_of, where_words
 from frictionjax.diagnosis.rule import Rule
@@ -39,81 +39,104 @@ class Located(eqx.Module):
     where: str = eqx.field(static=True)
 
 
-def locate(
-    base: View,
-    extended: View,
+class Grid(eqx.Module):
+    """The bins of a map, and what chance makes of them.
+
+    **Attributes:** `axes` (from `axes_of`), `scene` (the recordings), `level` (power that a true model leaves at each
+    sample, shape `(r, n)`), `tally` and `bands` (the bins), `chance` (distribution of the map under noise alone).
+    """
+
+    axes: tuple[Axis, ...]
+    scene: Scene
+    level: Float[np.ndarray, "r n"]
+    tally: Tally
+    bands: Bands
+    chance: Chance
+
+    def located(self, base: View, extended: View, *, rule: Rule = Rule()) -> Located:
+        """Where the `base` model fails, beside what the `extended` one leaves; `rule`: which places are reported."""
+        return self._map(base, extended, gained=False, rule=rule)
+
+    def explained(self, before: View, after: View, *, rule: Rule = Rule()) -> str:
+        """In words, where the errors of the model `after` an effect was added are smaller than those `before`; `rule`:
+        which places are reported."""
+        return self._map(before, after, gained=True, rule=rule).where
+
+    def _map(self, before: View, after: View, *, gained: bool, rule: Rule) -> Located:
+        """The map over all recordings of the power `before`, or of the part of it that is `gained`."""
+        e = np.stack([np.nan_to_num(view.e) / np.sqrt(self.level) for view in (before, after)])
+        squares, lines = e**2, self.bands.powers(e)
+        if gained:
+            squares[0] += np.where(np.asarray(self.scene.batch.valid) > 0, 1.0, 0.0) - squares[1]
+            lines[:, 0] += 1.0 - lines[:, 1]
+        power, errors = self.tally.powers(self.tally.sums(squares))
+        power = np.concatenate([power, lines])
+        errors = np.concatenate([errors[:, 0], np.zeros(len(self.bands.labels))])
+        p_values = self.chance.p_values(statistic_of(power[:, 0], errors, self.chance.spread))
+        axes = self.axes
+        names = [(number, axes[number].name, axes[number].labels[k]) for number, k in self.tally.bins]
+        names += [(len(axes), "frequency", label) for label in self.bands.labels]
+        counts = [*self.tally.samples.tolist(), *self.bands.lines.tolist()]
+        weights = np.concatenate([self.tally.samples, self.bands.null])
+        rows = [
+            MismatchBin(name, label, 0.0, float(here), float(then), count, float(p))
+            for (_, name, label), (here, then), count, p in zip(names, power, counts, p_values, strict=True)
+        ]
+        grouped = itertools.groupby(range(len(rows)), key=lambda i: names[i][0])
+        maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
+        bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
+        unions = unions_of(bins, axes)
+        lead = lead_of(bins, unions, rule=rule)
+        within = parts_within(lead, axes, squares[0], self.scene, rule=rule) if lead else ()
+        return Located(bins, within, where_words(bins, unions, within, gained=gained, rule=rule))
+
+
+def grid_of(
     axes: tuple[Axis, ...],
     scene: Scene,
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
-    *,
-    rule: Rule = Rule(),
-) -> Located:
-    """The map over all recordings, and where its excess is strongest.
+) -> Grid:
+    """The bins of a map of the `scene`.
 
     **Arguments:**
 
-    - `base`, `extended`: what the two models predict.
     - `axes`: from `axes_of`.
     - `scene`: the recordings.
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
     - `chance`: distribution of the map under noise alone; drawn when None.
     - `mapping`: as `map`; that of an executor draws in parallel.
-    - `rule`: which places are reported.
     """
     level = floor_of_samples(floor, scene)
-    e, after = (np.nan_to_num(view.e) / np.sqrt(level) for view in (base, extended))
     tally, bands = tally_of(axes, scene), bands_of(scene, level)
     chance = chance_of(tally, bands, scene, level, mapping=mapping) if chance is None else chance
-    sums = tally.sums(np.stack([e, after]) ** 2)
-    power, errors = tally.powers(sums)
-    power = np.concatenate([power, bands.powers(np.stack([e, after]))])
-    errors = np.concatenate([errors[:, 0], np.zeros(len(bands.labels))])
-    p_values = chance.p_values(statistic_of(power[:, 0], errors, chance.spread))
-    names = [(number, axes[number].name, axes[number].labels[k]) for number, k in tally.bins]
-    names += [(len(axes), "frequency", label) for label in bands.labels]
-    counts = [*tally.samples.tolist(), *bands.lines.tolist()]
-    weights = np.concatenate([tally.samples, bands.null])
-    rows = [
-        MismatchBin(name, label, 0.0, float(before), float(then), count, float(p))
-        for (_, name, label), (before, then), count, p in zip(names, power, counts, p_values, strict=True)
-    ]
-    grouped = itertools.groupby(range(len(rows)), key=lambda i: names[i][0])
-    maps = [_with_shares(rows, weights, list(members)) for _, members in grouped]
-    bins = tuple(itertools.chain.from_iterable(_most_telling(maps)))
-    unions = unions_of(bins, axes)
-    lead = lead_of(bins, unions, rule=rule)
-    within = parts_within(lead, axes, e**2, scene, rule=rule) if lead else ()
-    return Located(bins, within, where_words(bins, unions, within, rule=rule))
+    return Grid(axes, scene, level, tally, bands, chance)
 
 
-def map_of(
+def grid_along(
     base: View,
-    extended: View,
     drive: Drive,
     plant: Plant,
     scene: Scene,
     floor: Float[np.ndarray, "r b"],
     mapping: Callable[..., Iterable] = map,
-    *,
-    rule: Rule = Rule(),
-) -> Located:
-    """The map of `locate` along the axes that suit the recordings.
+) -> Grid:
+    """The bins of `grid_of` along the axes that suit the recordings.
 
     **Arguments:**
 
-    - `base`, `extended`: what the two models predict; the first one's observed motion says in which bin a sample lies.
+    - `base`: what the base model predicts; its observed motion says in which bin a sample lies.
     - `drive`: the base model.
     - `plant`: for units.
-    - `scene`, `floor`, `mapping`, `rule`: as in `locate`.
+    - `scene`, `floor`, `mapping`: as in `grid_of`.
     """
     batch = scene.batch
     inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
     axes = axes_of(Motion(np.asarray(batch.x), base.v, base.bend, inputs), drive, plant, scene)
     if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
-    return locate(base, extended, axes, scene, floor, mapping=mapping, rule=rule)
+    return grid_of(axes, scene, floor, mapping=mapping)
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:

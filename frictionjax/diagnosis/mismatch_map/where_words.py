@@ -38,6 +38,7 @@ def where_words(
     unions: tuple[MismatchBin, ...] = (),
     within: tuple[Within, ...] = (),
     *,
+    gained: bool = False,
     rule: Rule = Rule(),
 ) -> str:
     """Where the mismatch is, in plain words: the strongest regimes, one sharp bin of another axis, and which part of
@@ -48,23 +49,30 @@ def where_words(
     - `bins`: the map.
     - `unions`: bins of it that may be reported as one.
     - `within`: from `parts_within`, for the bins that `lead_of` gives.
+    - `gained`: whether the map is of what an effect explains.
     - `rule`: what is reported.
     """
+
+    def named(b: MismatchBin) -> str:
+        if gained:
+            return f"{b.bin} ({_share(b)} of what it explains)"
+        return f"{b.bin} ({_share(b)} of the excess, {times(b.excess)} the expected power)"
+
     regimes, sharp = _regimes(bins, rule), _sharp(bins, unions, rule)
     if _everywhere(bins, rule):
         whole = sum(b.excess * b.count for b in bins if b.axis == "regime")
         count = sum(b.count for b in bins if b.axis == "regime")
-        parts = [f"every regime ({times(whole / count)} the expected power)"]
+        parts = ["every regime" if gained else f"every regime ({times(whole / count)} the expected power)"]
     else:
-        parts = [
-            f"{b.bin} ({_share(b)} of the excess, {times(b.excess)} the expected power)" for b in regimes
-        ]
+        parts = [named(b) for b in regimes]
     if sharp is not None:
-        parts.append(f"{sharp.bin} ({_share(sharp)} of the excess, {times(sharp.excess)} the expected power)")
+        parts.append(named(sharp))
     parts += [
         f"{'only' if part.only else 'mostly'} {part.phrase} ({100 * part.share:.0f} %)" for part in within
     ]
-    return ", ".join(parts) if regimes or sharp is not None else "nowhere above the noise"
+    if regimes or sharp is not None:
+        return ", ".join(parts)
+    return "no place stands out" if gained else "nowhere above the noise"
 
 
 def _regimes(bins: tuple[MismatchBin, ...], rule: Rule) -> tuple[MismatchBin, ...]:

@@ -27,15 +27,17 @@ class Missing(AbstractSection):
         missing, rest = diagnosis.missing, remainder(diagnosis)
         if not missing and not rest:
             return Markup("")
-        # The place is that of the base model's whole mismatch, so it is the same for every effect.
-        places = dict.fromkeys(found.where for found in missing if found.where)
-        intro = [f"Where the base model fails: {place}." for place in places]
-        intro += [_SEVERAL] if len(missing) > 1 else []
-        return fill("missing.html.j2", intro=intro, cards=[_card(found) for found in missing], remainder=rest)
+        several = len(missing) > 1
+        places = [f"Where the base model fails: {found.where}." for found in missing if found.where]
+        intro = [_SEVERAL] if several else places
+        cards = [_card(found, several=several) for found in missing]
+        return fill("missing.html.j2", intro=intro, cards=cards, remainder=rest)
 
 
-def _card(found: MissingEffect) -> dict[str, Any]:
-    facts = []
+def _card(found: MissingEffect, *, several: bool) -> dict[str, Any]:
+    """The card of an effect; where it acts only if it is one of `several`, as the mismatch of the base model is where a
+    single one does."""
+    facts = [("errors that it explains", found.where)] if several and found.where else []
     for name, size in with_amplitudes(found.parameters).items():
         value = f"{estimate_text(size)} {unit_text(size.unit)}".strip()
         meaning = meaning_of(f"{found.effect}.{name}")
