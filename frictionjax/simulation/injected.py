@@ -300,15 +300,15 @@ def injected_innovations(
     )
 
     def step(fixed, state, shared, slots):
-        (drive, places, dt, gains), (push, measured, t) = fixed, shared
+        (drive, places, dt), (push, measured, t, gains) = fixed, shared
         parts = Signals(slots, places).parts(slots)
         rise = parts.pop("motor_rise") + (push.rise if isinstance(push, Push) else 0.0)
         push = Push(mean_of(push) + parts.pop("motor_force"), rise)
         measured = measured - parts.pop("sensor_error")
         now = drive.with_effects(Injection(**parts))
-        return innovation_step(now, dt, gains, substeps)(state, (push, measured, t))
+        return innovation_step(now, dt, substeps)(state, (push, measured, t, gains))
 
     t = jnp.arange(x.shape[1], dtype=x.dtype)[None] * dt[:, None]
-    times, every = tiled((dt, gains), count)
-    found = rows_along(step, count, (rows, places, times, every), begin, (force, x, t), slots, samples)
+    shared = (force, x, t, gains.along(*x.shape))
+    found = rows_along(step, count, (rows, places, tiled(dt, count)), begin, shared, slots, samples)
     return found.reshape(count, recordings, -1)

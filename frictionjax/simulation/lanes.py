@@ -93,7 +93,7 @@ def innovations_side_by_side(
     - `drives`: leaves of shape `(k, ...)`.
     - `u`, `x`: recorded input and measured position.
     - `dt`: s per sample.
-    - `gains`: of the observer, one per recording.
+    - `gains`: of the observer, one per recording, or one per sample.
     - `start`: position and velocity at the first sample, shape `(r,)`, the bristle's deflection there, shape `(k, r)`,
         and the history before (leaves of leading size `r`).
     - `substeps`: integration steps per sample.
@@ -102,13 +102,13 @@ def innovations_side_by_side(
     z0 = start[2]
     count, recordings = z0.shape
     rows, begin = start_rows(drives, z0, start)
-    times, every = tiled((dt, gains), count)
+    times = tiled(dt, count)
     force = jax.vmap(lambda drive, u, dt: drive.applied_force(u, dt))(rows, jnp.tile(u, (count, 1)), times)
 
     def step(fixed, state, shared, push):
-        drive, dt, gains = fixed
-        return innovation_step(drive, dt, gains, substeps)(state, (push, *shared))
+        drive, dt = fixed
+        return innovation_step(drive, dt, substeps)(state, (push, *shared))
 
     t = jnp.arange(x.shape[1], dtype=x.dtype)[None] * dt[:, None]
-    found = rows_along(step, count, (rows, times, every), begin, (x, t), force, samples)
+    found = rows_along(step, count, (rows, times), begin, (x, t, gains.along(*x.shape)), force, samples)
     return found.reshape(count, recordings, -1)

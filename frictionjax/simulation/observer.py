@@ -1,4 +1,4 @@
-"""A fixed-gain observer: innovations of a drive whose state is corrected by the measurement.
+"""An observer with given gains: innovations of a drive whose state is corrected by the measurement.
 
 One formula serves stick and sliding, open and closed loop: only the recorded input enters. With white
 measurement noise and the true model, the root mean square of the innovation is a constant of the method times the
@@ -20,22 +20,32 @@ from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
-Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""]]
-"""Motor force, measured position and time of a sample."""
-
 
 class Gains(eqx.Module):
-    """Gains of the observer with a double pole at p = exp(-2 pi bandwidth dt).
-
-    **Attributes:** `position` l1 = 1 - p^2 (1), `velocity` l2 = (1 - p)^2/dt (1/s). Scalars, or one per lane.
-    """
+    """Gains of the observer: of the position, `position` (1), and of the velocity, `velocity` (1/s). Scalars, or one
+    per lane, or one per sample."""
 
     position: Float[Numbers, "..."]
     velocity: Float[Numbers, "..."]
 
+    def along(self, *shape: int) -> "Gains":
+        """One per sample, of a `shape` whose last axis is that of the samples; those that are not yet one per sample
+        are the same along it."""
+
+        def each(gain: Float[Numbers, "..."]) -> Float[Numbers, "... n"]:
+            xp, (gain,) = known(gain)
+            return xp.broadcast_to(gain.reshape(*gain.shape, *[1] * (len(shape) - gain.ndim)), shape)
+
+        return Gains(each(self.position), each(self.velocity))
+
+
+Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""], Gains]
+"""Motor force, measured position and time of a sample, and the gains there."""
+
 
 def observer_gains(bandwidth: float | Float[Numbers, "..."], dt: float | Float[Numbers, "..."]) -> Gains:
-    """Gains for an observer of `bandwidth` Hz on samples of `dt` s."""
+    """Gains for an observer of `bandwidth` Hz on samples of `dt` s, with a double pole at p = exp(-2 pi bandwidth dt):
+    l1 = 1 - p^2, l2 = (1 - p)^2/dt."""
     xp, (bandwidth, dt) = known(bandwidth, dt)
     pole = xp.exp(-2.0 * xp.pi * xp.asarray(bandwidth) * xp.asarray(dt))
     return Gains(xp.asarray(1.0 - pole**2), xp.asarray((1.0 - pole) ** 2 / dt))
@@ -133,10 +143,11 @@ def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
     """
     slack = drive.bristles().slack
 
-    def correct(innovation, x, v, z, hidden):
+    def correct(innovation, x, v, z, hidden, gains):
         return corrected(drive, slack, State(x, v, z[0], z[1:], hidden), innovation, gains)
 
-    return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z, observed.hidden)
+    every = gains.along(*observed.x.shape)
+    return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z, observed.hidden, every)
 
 
 def observe(
@@ -158,7 +169,7 @@ def observe(
     - `force`: motor force held over each sample, shape `(n,)` (`drive.applied_force(u, dt)`).
     - `x`: measured position, shape `(n,)`.
     - `dt`: s per sample.
-    - `gains`: from `observer_gains`.
+    - `gains`: from `observer_gains`, or one per sample.
     - `start`: position, velocity and bristle deflection at the first sample.
     - `substeps`: integration steps per sample.
     - `samples`: as in `scan_samples`.
@@ -170,14 +181,15 @@ def observe(
     bristles = drive.bristles()
 
     def sample(state, inputs):
-        push, measured, t = inputs
+        push, measured, t, here = inputs
         innovation = measured - drive.measured(state.x, t, state.hidden)
-        state_now = corrected(drive, bristles.slack, state, innovation, gains)
+        state_now = corrected(drive, bristles.slack, state, innovation, here)
         following = advance(drive, bristles, state_now, push, dt, substeps)
         return following, (innovation, state.x, state.v, state.z, state.hidden)
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return Observed(*scan_samples(sample, state_at(drive, start), (force, x, t), samples))
+    inputs = (force, x, t, gains.along(*x.shape))
+    return Observed(*scan_samples(sample, state_at(drive, start), inputs, samples))
 
 
 def innovations(
@@ -196,18 +208,18 @@ def innovations(
     **Arguments:** `drive`, `force`, `x`, `dt`, `gains`, `start`, `substeps`, `samples` as in `observe`.
     """
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    step = innovation_step(drive, dt, gains, substeps)
-    return scan_samples(step, state_at(drive, start), (force, x, t), samples)
+    step = innovation_step(drive, dt, substeps)
+    return scan_samples(step, state_at(drive, start), (force, x, t, gains.along(*x.shape)), samples)
 
 
 def innovation_step(
-    drive: Drive, dt: Float[Array, ""], gains: Gains, substeps: Substeps
+    drive: Drive, dt: Float[Array, ""], substeps: Substeps
 ) -> Callable[[State, Sample], tuple[State, Float[Array, ""]]]:
-    """One sample of `innovations`: (state, (force, measured position, time)) -> (state, innovation)."""
+    """One sample of `innovations`: (state, `Sample`) -> (state, innovation)."""
     bristles = drive.bristles()
 
     def sample(state, inputs):
-        push, measured, t = inputs
+        push, measured, t, gains = inputs
         innovation = measured - drive.measured(state.x, t, state.hidden)
         state_now = corrected(drive, bristles.slack, state, innovation, gains)
         return advance(drive, bristles, state_now, push, dt, substeps, exact_derivative=False), innovation

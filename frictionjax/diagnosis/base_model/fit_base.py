@@ -11,7 +11,7 @@ from frictionjax.diagnosis.base_model.likeliest import is_coarse, likeliest, lik
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
-from frictionjax.diagnosis.evidence.pace import pace_of
+from frictionjax.diagnosis.evidence.pace import at_pace, pace_of, schedule_of
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
@@ -19,7 +19,7 @@ from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+from frictionjax.estimation.objective.robust import robust_posterior
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import covariance_of, estimates
@@ -89,7 +89,8 @@ def fit_base(
     order = sorted(range(len(starts)), key=lambda number: fast[number].misfit)
     progress("base fit: slow observer", 0.6)
     best = [number for number in order[:2] if np.isfinite(fast[number].misfit)]
-    slow = [posed[number][0].at_bandwidth(SLOW_BANDWIDTH) for number in best]
+    schedule = None if like is None else like.posterior.recordings.schedule  # type: ignore[attr-defined]
+    slow = [at_pace(posed[number][0], pace, schedule) for number in best]
     refined = list(
         executor.map(lambda one, number: descend(one, fast[number].vector, graduate=False), slow, best)
     )
@@ -119,7 +120,7 @@ def _at_its_own_pace(
     where it was `fitted`: the better end."""
     there = likeliest(posterior, fitted.vector)
     pace = pace_of(posterior.drive_of(there), posterior.batch, held_out, rule=rule)
-    paced = posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
+    paced = at_pace(posterior, pace, schedule_of(posterior, there, pace, rule=rule))
     ends = [descend(paced, vector, graduate=False) for vector in (there, fitted.vector)]
     return paced, min(ends, key=lambda end: end.misfit)
 

@@ -12,14 +12,13 @@ from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.pace import pace_of
+from frictionjax.diagnosis.evidence.pace import at_pace, pace_of, schedule_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 
@@ -53,19 +52,17 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
     return changed(vector, places, _refined(posterior, vector, posterior.batch.substeps).vector)
 
 
-def likeliest_pace(model: Model, *, rule: Rule = Rule()) -> Float[np.ndarray, " r"]:
-    """The pace of each recording's observer that the `likeliest` parameters of the `model` ask for (`pace_of`, with the
-    `rule`)."""
+def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model | None:
+    """The `base` model converged and judged with observers of the pace that the `likeliest` parameters of the `model`
+    ask for (`pace_of`, with the `rule`); None where that is the pace it has."""
     posterior = model.posterior
-    drive = posterior.drive_of(likeliest(posterior, model.fitted.vector))
-    return pace_of(drive, posterior.batch, model.judgement.held_out, rule=rule)
-
-
-def at_pace(model: Model, pace: Float[np.ndarray, " r"]) -> Model:
-    """The `model` converged and judged with observers of another `pace`."""
-    posterior = model.posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
-    fitted = descend(posterior, model.fitted.vector, graduate=False)
-    return Model(posterior, fitted, judge(posterior, fitted))
+    there = likeliest(posterior, model.fitted.vector)
+    pace = pace_of(posterior.drive_of(there), posterior.batch, model.judgement.held_out, rule=rule)
+    if np.array_equal(pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
+        return None
+    paced = at_pace(base.posterior, pace, schedule_of(posterior, there, pace, rule=rule))
+    fitted = descend(paced, base.fitted.vector, graduate=False)
+    return Model(paced, fitted, judge(paced, fitted))
 
 
 def likeliest_parameters(

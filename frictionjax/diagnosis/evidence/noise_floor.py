@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.evidence.pace import with_evidence
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.posterior import Posterior
 
 _DRAWS = 4
@@ -58,20 +59,34 @@ def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule:
         whole = (float(drive.friction.Fc) / np.asarray(batch.noise))[:, None] ** 2 * scored
         noise = np.repeat(1.0 * scored[None], _DRAWS, axis=0)
         return Answer(whole, np.ones_like(whole), noise, noise * whole, 0.0 * noise)
+    assert isinstance(evidence, Observed)
     plain = posterior.errors_at([vector])[0]
-    draws, grown = [], []
+    draws, grown, together = [], [], []
     for _ in range(_DRAWS):
         change = np.nan_to_num(_force_response(posterior, vector, plain, _SMALL, rng) / _SMALL)
         noise = evidence.noise_alone(rng)
         noisier = with_evidence(posterior, evidence.with_noise(rng.standard_normal(batch.x.shape)))
-        grown.append(batch.block_mean(np.nan_to_num(noisier.errors_at([vector])[0] - plain) ** 2))
+        response = np.nan_to_num(noisier.errors_at([vector])[0] - plain)
+        grown.append(batch.block_mean(response**2))
+        together.append(batch.block_mean(response * change))
         products = (noise**2, change**2, noise * change)
         draws.append([batch.block_mean(product) for product in products])
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
     gain = _smooth(capped(force.mean(axis=0), rule))
     growth = _beyond_chance(_smooth(np.mean(grown, axis=0)), np.asarray(batch.block_count))
-    return Answer(gain, growth, noise, force, product)
+    if not np.any(evidence.varies):
+        return Answer(gain, growth, noise, force, product)
+    # A filter that knows the machine is no observer of a free mass: its noise is what the machine answers with.
+    varies, own = np.asarray(evidence.varies)[:, None], _smooth(capped(np.mean(grown, axis=0), rule))
+    own = np.where(own > 0.0, own, 1.0)
+    return Answer(
+        gain,
+        np.where(varies, own, growth),
+        np.where(varies, np.array(grown) / own, noise),
+        force,
+        np.where(varies, np.array(together) / np.sqrt(own), product),
+    )
 
 
 def _smooth(power: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r b"]:
@@ -171,7 +186,8 @@ def quietness(
     quiet = np.ones((scored.shape[0], 1))
     for row, mask in enumerate(scored):
         if np.any(mask):
-            quiet[row] = min(1.0, float(np.median(power[row, mask]) / np.median(answer.noise[:, row, mask])))
+            alone = (answer.growth * answer.noise)[:, row, mask]
+            quiet[row] = min(1.0, float(np.median(power[row, mask]) / np.median(alone)))
     return quiet
 
 

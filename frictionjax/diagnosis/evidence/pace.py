@@ -6,18 +6,21 @@ the motion is unstable, the sensor's noise as well. Between the two is the bandw
 model are smallest: that of the Kalman filter, found by simulation, because the machine is no free mass.
 """
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, Batch
-from frictionjax.estimation.evidence import AbstractRecordings, Observed
+from frictionjax.estimation.evidence import AbstractRecordings, Observed, Schedule, filtered_in_pieces
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import Drive
-from frictionjax.simulation import innovation_gain
+from frictionjax.simulation import Gains
 
 _LEAST_BANDWIDTH = (
     5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
@@ -85,11 +88,53 @@ def _answer(
             powers.append(batch.block_mean((other.errors_at([vector])[0] - plain) ** 2))
     recordings = slow.recordings
     assert isinstance(recordings, Observed)
-    unit = np.asarray(batch.noise * innovation_gain(recordings.gains))[:, None]
+    unit = np.asarray(batch.noise)[:, None] * np.asarray(recordings.unit)[:, :1]
     power = np.mean(powers, axis=0) * unit**2
     scored = np.asarray(batch.block_count) > 0
     logs = np.where(scored, np.log(np.maximum(np.nan_to_num(power, nan=np.inf), _SMALLEST)), 0.0)
     return np.sum(logs, axis=1) / np.maximum(np.sum(scored, axis=1), 1)
+
+
+def schedule_of(
+    posterior: Posterior,
+    vector: Float[Numbers, " q"],
+    pace: Float[Numbers, " r"],
+    *,
+    rule: Rule = Rule(),
+) -> Schedule | None:
+    """The gains of a Kalman filter for the recordings whose `pace` is slow: for the machine of the `posterior` at the
+    `vector`, the noise of the sensor, and the largest unmeasured force that the `rule` does not take for physics. None
+    where there are no such recordings.
+
+    Where friction falls with velocity noise grows in the motion, and the filter corrects more; in stick the bristles
+    hold the machine, and it corrects less. Constant gains are too slow for the one, or so fast that they hide what acts
+    longer than a tenth of a second.
+    """
+    batch, drive, slow = posterior.batch, posterior.drive_of(vector), np.asarray(pace) < 1.0
+    if not isinstance(batch, Batch) or not np.any(slow):
+        return None
+    noise = np.asarray(batch.noise)
+    ratio = rule.floor.largest_force * float(drive.friction.Fc) / noise[:, None]
+    z0 = np.asarray(vector)[posterior.parameters :]
+    known = np.ones(noise.shape, dtype=bool)
+    found, _ = filtered_in_pieces(drive, z0, batch, ratio, known, batch.substeps)
+    gains, unit = np.asarray(found.gain), np.asarray(found.deviation) / noise[:, None]
+    finite = np.all(np.isfinite(gains[..., :2]), axis=(1, 2)) & np.all(np.isfinite(unit), axis=1)
+    return Schedule(
+        Gains(gains[..., 0], gains[..., 1]),
+        unit,
+        free_mass_bandwidth(drive, batch, rule),
+        finite & slow,
+        SLOW_BANDWIDTH,
+    )
+
+
+def at_pace(posterior: Posterior, pace: Float[Numbers, " r"], schedule: Schedule | None) -> Posterior:
+    """The `posterior` with slow observers of this `pace` and `schedule`."""
+    recordings = posterior.recordings
+    if isinstance(recordings, Observed):
+        posterior = with_evidence(posterior, dataclasses.replace(recordings, schedule=schedule))
+    return posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
 
 
 def with_evidence(posterior: Posterior, evidence: AbstractRecordings) -> Posterior:

@@ -22,7 +22,7 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import all_columns
 from frictionjax.physics import Drive, LuGre, Push
 from frictionjax.physics.effects import AbstractEffect, Before
-from frictionjax.simulation import Gains, innovation_gain, observe
+from frictionjax.simulation import Gains, observe
 from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.injected import (
     Along,
@@ -239,7 +239,7 @@ def _injected_lanes(
     push: Push,
     signals: tuple[Signals, ...],
 ) -> Float[Numbers, "k w n"]:
-    batch, gains = recordings.batch, recordings.gains
+    batch = recordings.batch
     drives = jax.vmap(model.drive_of)(parameters)
     deflection = z0 * (drives.friction.Fs / drives.friction.sigma0)[:, None]
     start = (batch.x0, batch.v0, deflection, batch.before)
@@ -250,12 +250,12 @@ def _injected_lanes(
         push,
         batch.x,
         batch.dt,
-        gains,
+        recordings.gains,
         start,
         substeps=batch.steps,
         samples=batch.samples,
     )
-    return raw / (batch.noise * innovation_gain(gains))[None, :, None] * batch.valid[None]
+    return recordings.over_noise(raw)
 
 
 def _weighing(

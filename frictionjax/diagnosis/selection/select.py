@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.base_model.likeliest import at_pace, is_coarse, likeliest_pace
+from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of, is_coarse
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
@@ -86,9 +86,7 @@ def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
     accepted = [step.accepted for step in found.steps if step.accepted is not None]
     if not accepted or not found.decision.remains or not is_coarse(base.posterior):
         return None
-    pace = likeliest_pace(accepted[-1].model, rule=rule)
-    same = np.array_equal(pace, np.asarray(base.posterior.recordings.pace))  # type: ignore[attr-defined]
-    return None if same else at_pace(base, pace)
+    return at_the_pace_of(accepted[-1].model, base, rule=rule)
 
 
 def _selected(

@@ -185,7 +185,7 @@ class Batch(AbstractBatch):
 
         - `function`: called with the input and the position, shape `(n,)`, the time step (s), the observer's gains, and
           where it starts: `(x, v, z, before)`; then with the rows of `more`.
-        - `gains`: of the observer, one per recording, shape `(r,)`.
+        - `gains`: of the observer, one per recording, shape `(r,)`, or one per sample, shape `(r, n)`.
         - `deflection`: of the bristle at the first sample, position units, shape `(r,)`.
         - `more`: further arrays of leading size `r`.
         """

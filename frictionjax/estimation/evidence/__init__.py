@@ -3,6 +3,7 @@
 from frictionjax.estimation.evidence.base import AbstractEvidence as AbstractEvidence
 from frictionjax.estimation.evidence.base import AbstractRecordings as AbstractRecordings
 from frictionjax.estimation.evidence.driven import Observed as Observed
+from frictionjax.estimation.evidence.driven import Schedule as Schedule
 from frictionjax.estimation.evidence.driven import observed as observed
 from frictionjax.estimation.evidence.forces import Forces as Forces
 from frictionjax.estimation.evidence.forces import make_forces as make_forces

@@ -1,13 +1,16 @@
-"""Positions of a driven machine: innovations of a fixed-gain observer, which tolerates a model that is far off."""
+"""Positions of a driven machine: innovations of an observer with given gains, which tolerates a model that is far
+off."""
 
 import dataclasses
 
+import equinox as eqx
+import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.batch import Batch
-from frictionjax.estimation.data.pieces import Piece, lanes_of
+from frictionjax.estimation.data.pieces import Piece, lanes_of, padded
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
@@ -19,21 +22,50 @@ _EXPLODED = 30.0
 may change an innovation, if its derivative is to mean anything."""
 
 
+class Schedule(eqx.Module):
+    """Gains that a Kalman filter asks for along each recording, for observers of at most so many Hz.
+
+    **Attributes:** `gains` (shape `(r, n)`), `unit` (standard deviation of the innovations over that of the sensor's
+    noise, shape `(r, n)`), `band` (bandwidth of the same filter for a free mass, Hz, shape `(r,)`), `used` (which
+    recordings it is for, shape `(r,)`), `fastest` (bandwidth of the fastest observer that it replaces, Hz).
+    """
+
+    gains: Gains
+    unit: Float[Numbers, "r n"]
+    band: Float[np.ndarray, " r"]
+    used: Bool[np.ndarray, " r"]
+    fastest: float = eqx.field(static=True)
+
+
 class Observed(AbstractRecordings):
     """Recordings of position side by side, and the gains of the observer that predicts them.
 
-    **Attributes:** `batch`, `gains` (shape `(r,)`), `pace` (bandwidth of each recording's observer over the one that is
-    asked for, shape `(r,)`).
+    **Attributes:** `batch`; `gains` (one per sample, shape `(r, n)`); `unit` (standard deviation of the innovations of
+    a perfect model over that of the sensor's noise, shape `(r, n)`); `band` (bandwidth of the observer, Hz: that for a
+    free mass where the gains vary, shape `(r,)`); `pace` (bandwidth of each recording's observer over the one that is
+    asked for, shape `(r,)`); `varies` (whether the gains of a recording vary, shape `(r,)`); `schedule` (of slow
+    observers; None where all gains are constant).
     """
 
     batch: Batch
     gains: Gains
+    unit: Float[Numbers, "r n"]
+    band: Float[Numbers, " r"]
     pace: Float[Numbers, " r"]
+    varies: Bool[Numbers, " r"]
+    schedule: Schedule | None = None
 
     def piece(self, piece: Piece) -> "Observed":
-        """The recordings of a `piece`, of its shape."""
-        gains, pace = lanes_of((self.gains, self.pace), piece)
-        return Observed(self.batch.piece(piece), gains, pace)
+        """The recordings of a `piece`, of its shape, without the schedule."""
+        gains = Gains(padded(self.gains.position, piece), padded(self.gains.velocity, piece))
+        numbers = lanes_of((self.band, self.pace, self.varies), piece)
+        return Observed(self.batch.piece(piece), gains, padded(self.unit, piece), *numbers)
+
+    def over_noise(self, raw: Float[Numbers, "*k rows n"]) -> Float[Numbers, "*k rows n"]:
+        """Innovations `raw`, position units, over their standard deviation for a perfect model; 0 where not scored."""
+        several = (1,) * (raw.ndim - 2)
+        unit, valid = self.batch.noise[:, None] * self.unit, self.batch.valid
+        return raw / unit.reshape(*several, *unit.shape) * valid.reshape(*several, *valid.shape)
 
     def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
@@ -51,7 +83,7 @@ class Observed(AbstractRecordings):
             return innovations(drive, force, x, dt, gains, start, substeps=batch.steps, samples=batch.samples)
 
         raw = batch.each(one, self.gains, z0 * drive.friction.Fs / drive.friction.sigma0)
-        return raw / (batch.noise * innovation_gain(self.gains))[:, None] * batch.valid
+        return self.over_noise(raw)
 
     def side_by_side(self, drives: Drive, z0: Float[Numbers, "k rows"]) -> Float[Numbers, "k rows n"]:
         """The same of `k` `drives`, which start at `z0`, as rows of one batch."""
@@ -68,7 +100,16 @@ class Observed(AbstractRecordings):
             substeps=batch.steps,
             samples=batch.samples,
         )
-        return raw / (batch.noise * innovation_gain(self.gains))[None, :, None] * batch.valid[None]
+        return self.over_noise(raw)
+
+    def first(self, samples: int) -> "Observed":
+        """The first so many `samples` of each recording (`Batch.first`)."""
+        batch = self.batch.first(samples)
+        most = batch.x.shape[1]
+        arrays = (self.gains, self.unit, self.schedule and (self.schedule.gains, self.schedule.unit))
+        gains, unit, planned = jax.tree.map(lambda leaf: np.asarray(leaf)[:, :most], arrays)
+        schedule = self.schedule and dataclasses.replace(self.schedule, gains=planned[0], unit=planned[1])
+        return dataclasses.replace(self, batch=batch, gains=gains, unit=unit, schedule=schedule)
 
     def with_substeps(self, substeps: int) -> "Observed":
         """The same recordings with so many integration `substeps` a sample."""
@@ -76,13 +117,29 @@ class Observed(AbstractRecordings):
 
     def at_bandwidth(self, bandwidth: float, *, pace: Float[Numbers, " rows"] | None = None) -> "Observed":
         """The same recordings through an observer of `bandwidth` Hz times their `pace` (None: as it is), or as fast as
-        their sample rate allows."""
-        return observed(self.batch, bandwidth, pace=self.pace if pace is None else pace)
+        their sample rate allows; through that of their schedule where it is for observers as slow as this."""
+        constant = observed(self.batch, bandwidth, pace=self.pace if pace is None else pace)
+        return constant if self.schedule is None else constant.scheduled(self.schedule, bandwidth)
+
+    def scheduled(self, schedule: Schedule, bandwidth: float) -> "Observed":
+        """The same with a `schedule`, which holds if the `bandwidth` that is asked for is as low."""
+        if bandwidth > schedule.fastest:
+            return dataclasses.replace(self, schedule=schedule)
+        varies = np.asarray(schedule.used)
+        this, usual = (schedule.gains, schedule.unit), (self.gains, self.unit)
+        gains, unit = jax.tree.map(lambda one, other: np.where(varies[:, None], one, other), this, usual)
+        band = np.where(varies, schedule.band, self.band)
+        return dataclasses.replace(self, gains=gains, unit=unit, band=band, varies=varies, schedule=schedule)
 
     @property
     def bandwidth(self) -> Float[np.ndarray, " rows"]:
         """Bandwidth of the observer of each recording, Hz."""
-        return -0.5 * np.log1p(-np.asarray(self.gains.position)) / (2.0 * np.pi * np.asarray(self.batch.dt))
+        return np.asarray(self.band)
+
+    @property
+    def _steady(self) -> Gains:
+        """The constant gains of the `bandwidth`."""
+        return observer_gains(np.asarray(self.band), np.asarray(self.batch.dt))
 
     @property
     def largest_derivative(self) -> Float[np.ndarray, " rows"]:
@@ -92,7 +149,7 @@ class Observed(AbstractRecordings):
 
     def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of an observer that expects every machine to keep its speed (`left_by_observer`)."""
-        batch, gains = self.batch, self.gains
+        batch, gains = self.batch, self._steady
         unit = np.asarray(batch.noise * innovation_gain(gains))
         x, steps = np.asarray(batch.x), np.arange(batch.x.shape[1])
         travel = (
@@ -113,7 +170,7 @@ class Observed(AbstractRecordings):
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
         white = rng.standard_normal(self.batch.x.shape)
-        return left_by_observer(white, self.gains) / np.asarray(innovation_gain(self.gains))[:, None]
+        return left_by_observer(white, self._steady) / np.asarray(innovation_gain(self._steady))[:, None]
 
 
 def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | None = None) -> Observed:
@@ -121,4 +178,7 @@ def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | Non
     as fast as their sample rate allows."""
     xp, (dt,) = known(batch.dt)
     own: Float[Numbers, " r"] = xp.ones_like(dt) if pace is None else pace
-    return Observed(batch, observer_gains(xp.minimum(bandwidth * own, 0.1 / dt), dt), own)
+    band = xp.minimum(bandwidth * own, 0.1 / dt)
+    gains, shape = observer_gains(band, dt), batch.x.shape
+    unit = xp.broadcast_to(xp.asarray(innovation_gain(gains))[:, None], shape)
+    return Observed(batch, gains.along(*shape), unit, band, own, xp.zeros(dt.shape, dtype=bool))

@@ -294,7 +294,7 @@ class Posterior(AbstractObjective):
         """The same of the first so many `samples` of each recording of an applied input (`Batch.first`)."""
         recordings = self.recordings
         assert isinstance(recordings, Observed)
-        own = eqx.tree_at(lambda one: one.batch, recordings, recordings.batch.first(samples))
+        own = recordings.first(samples)
         weights = np.asarray(self.weights[0]).reshape(own.rows, -1)[:, : own.samples // own.batch.block]
         return eqx.tree_at(lambda p: (p.evidence, p.weights), self, ((own,), (weights.ravel(),)))
 

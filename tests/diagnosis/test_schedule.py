@@ -1,0 +1,112 @@
+"""Gains by schedule: under a coarse sensor slow observers are Kalman filters, which show what constant gains hide."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers_estimation import FINE, PLANT, closed_loop, open_loop
+
+from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
+from frictionjax.diagnosis.evidence.pace import at_pace, free_mass_bandwidth, pace_of, schedule_of
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.objective.misfit import losses_of
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
+
+FITTED = np.array([False])
+COARSE = 2e-5
+
+
+def _with_friction(**values):
+    return dataclasses.replace(PLANT, friction=dataclasses.replace(PLANT.friction, **values))
+
+
+STEEP = _with_friction(Fs=1.4 * PLANT.friction.Fc, vs=0.05)
+"""Friction that falls steeply with velocity: in slow sliding the motion is unstable."""
+
+
+@pytest.fixture(scope="module")
+def batch():
+    t = np.arange(8000) / 2000.0
+    slow = closed_loop("slow", 0.05 * np.sin(np.pi * t), seed=2, drive=STEEP, noise=COARSE, substeps=4)
+    return make_batch((slow,), encoder_step=FINE).with_substeps(4)
+
+
+def _observed(drive, batch, by_schedule=True):
+    """The posterior of `drive` with slow observers, and its vector; the schedule is that of the true machine."""
+    pace = pace_of(STEEP, batch, FITTED)
+    true, there = robust_posterior(STEEP, batch, FITTED, pace=pace)
+    posterior, vector = robust_posterior(drive, batch, FITTED, pace=pace)
+    return at_pace(posterior, pace, schedule_of(true, there, pace) if by_schedule else None), vector
+
+
+def _misfit(drive, batch, by_schedule):
+    """What `drive` leaves above the floor of the true machine, nats a sample."""
+    true, there = _observed(STEEP, batch, by_schedule)
+    answer = answer_to_force(true, there)
+    quiet = quietness(true.powers([there])[0], answer, true)
+    posterior, vector = _observed(drive, batch, by_schedule)
+    losses = losses_of(posterior.powers([vector])[0], batch, floor_of(0.0, answer, quiet))
+    return float(np.sum(losses) / np.sum(batch.block_count))
+
+
+def test_a_true_model_is_at_the_noise_in_an_unstable_motion(batch):
+    posterior, vector = _observed(STEEP, batch)
+    used = np.asarray(batch.block_count) > 0
+    power = posterior.powers([vector])[0][used]
+    # Of some 3 independent samples in each of 75 blocks and more, and a noise level that is estimated, too.
+    assert np.mean(power) == pytest.approx(1.0, abs=0.15)
+    assert abs(_misfit(STEEP, batch, True)) < Rule().limits.adequate
+
+
+def test_the_floor_is_what_noise_and_the_largest_force_leave(batch):
+    """By two roads: the variances of the filter, and the answers of the machine to both."""
+    posterior, vector = _observed(STEEP, batch)
+    used = np.asarray(batch.block_count) > 0
+    floor = floor_of(Rule().floor.largest_force, answer_to_force(posterior, vector))[used]
+    assert np.median(floor) == pytest.approx(1.0, abs=0.1)
+
+
+def test_it_shows_a_fall_of_friction_that_constant_gains_hide(batch):
+    """Static friction a tenth lower, in slow sliding: constant gains that noise does not explode in follow it."""
+    wrong = _with_friction(Fs=1.26 * PLANT.friction.Fc, vs=0.05)
+    shown, hidden = (_misfit(wrong, batch, by_schedule) for by_schedule in (True, False))
+    assert shown > 10.0 * Rule().limits.adequate
+    assert shown > 3.0 * hidden
+
+
+def test_the_gains_follow_the_machine(batch):
+    """More where friction falls and noise grows, less where the bristles hold the machine."""
+    posterior, _ = _observed(STEEP, batch)
+    gains, x = np.asarray(posterior.recordings.gains.position)[0], np.asarray(batch.x)[0]
+    speed = np.abs(np.gradient(np.convolve(x, np.ones(101) / 101, mode="same"), 1.0 / 2000.0))
+    inside = slice(1000, batch.lengths[0] - 200)
+    rests, falls = speed[inside] < 1e-3, (speed[inside] > 0.02) & (speed[inside] < 0.08)
+    assert rests.sum() > 100 and falls.sum() > 100
+    assert np.median(gains[inside][falls]) > 2.0 * np.median(gains[inside][rests])
+
+
+def test_fast_observers_have_constant_gains_and_pieces_keep_what_they_need(batch):
+    posterior, _ = _observed(STEEP, batch)
+    fast = posterior.at_bandwidth(FAST_BANDWIDTH)
+    assert np.ptp(np.asarray(fast.recordings.gains.position)) == 0.0
+    assert not fast.recordings.varies.any() and posterior.recordings.varies.all()
+    again = fast.at_bandwidth(SLOW_BANDWIDTH)
+    assert np.array_equal(again.recordings.gains.position, posterior.recordings.gains.position)
+    assert posterior.recordings.bandwidth == pytest.approx(free_mass_bandwidth(STEEP, batch, Rule()))
+    part = again.first(2000)
+    most = part.batch.x.shape[1]
+    assert part.recordings.gains.velocity.shape == part.recordings.schedule.unit.shape == (1, most)
+    errors, whole = (one.errors_at([posterior.start])[0] for one in (part, posterior))
+    assert np.allclose(errors, whole[:, :most], rtol=1e-12, atol=1e-12)
+
+
+def test_a_fine_sensor_has_no_schedule():
+    u = np.sin(2 * np.pi * 2.0 * np.arange(4000) / 2000.0)
+    fine = make_batch((open_loop("moves", u, seed=1, noise=1e-8),), encoder_step=FINE)
+    posterior, vector = robust_posterior(PLANT, fine, FITTED)
+    assert schedule_of(posterior, vector, pace_of(PLANT, fine, FITTED)) is None
+    own = at_pace(posterior, np.ones(1), None)
+    assert np.array_equal(
+        own.recordings.gains.position, posterior.at_bandwidth(50.0).recordings.gains.position
+    )
