@@ -29,7 +29,7 @@ from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.missing import missing_effects, where_each_acts
 from frictionjax.diagnosis.findings.next_experiment import next_experiment
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
-from frictionjax.diagnosis.findings.residual_map import ResidualModel, residual_model
+from frictionjax.diagnosis.findings.residual_map import ResidualModel, of_another_shape, residual_model
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
@@ -219,19 +219,25 @@ def _diagnose(
             notes.append(_MAP_REJECTED.format(residual.variable, before, after))
             residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
+    floor, mapping, of_named = steps[-1].floor, executor.map, of_final
+    if residual is not None and accepted:
+        shape = of_another_shape(residual, base, last, floor, rule=rule)
+        if shape is not None:
+            verdict, left, of_named = "named", (False, shape[0]), parameters(last)
+            notes.append(shape[1])
     progress("mapping the mismatch", 0.95)
-    floor, mapping = steps[-1].floor, executor.map
     grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping)
     located = grid.located(base_view, extended_view, rule=rule)
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
+    sizes, _ = moved((of_named or of_base).result()[0], last.posterior.layout, steps, rule=rule)
     notes += [text for text in (warning, biased) if text]
     experiments, without_experiment = _experiments(steps, progress)
     notes += without_experiment
     views = [(base, base_view), (final, extended_view)]
     places = [located.where] if len(accepted) == 1 else where_each_acts(steps, grid, views, rule=rule)
-    missing = missing_effects(steps, decision.evidence, extended, places, experiments)
+    missing = missing_effects(steps, decision.evidence, sizes, places, experiments)
     unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]

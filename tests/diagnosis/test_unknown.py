@@ -2,19 +2,22 @@
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
+from helpers_plants import effect
 
 from frictionjax.core import InputError, silent
 from frictionjax.diagnosis.base_model.fit_base import fit_base
+from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.findings.next_experiment import plain_experiments
-from frictionjax.diagnosis.findings.residual_map import residual_model
+from frictionjax.diagnosis.findings.residual_map import ResidualModel, of_another_shape, residual_model
 from frictionjax.diagnosis.intake.coverage import missing_needs, not_testable
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionLevelMap
+from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionForceMap, PositionLevelMap
 from frictionjax.recordings import Case, Plant
 
 HEIGHTS = (0.0, 0.0, 0.05, 0.15, 0.25, 0.3, 0.3, 0.25, 0.15, 0.05, 0.0, 0.0)
@@ -104,3 +107,58 @@ def test_an_effect_of_the_class_is_reported_with_the_experiment():
     row = dataclasses.replace(found.candidates[0], effect="elasto_plastic")
     text = dataclasses.replace(found, candidates=(row,)).explain("elasto_plastic")
     assert "cannot distinguish it from maxwell_slip. nested triangles" in text
+
+
+SPRING = effect("ReturnSpring", stiffness=1.0)
+
+
+def _model(batch, misfit, *effects):
+    """A model with these effects that misses fit and held-out recordings alike."""
+    power = np.full(batch.block_count.shape, 2.0 * np.exp(2.0 * misfit) - 1.0)
+    drive = PLANT.with_effects(*effects)
+    held_out = np.array([False, True])
+    judged = Judgement(drive, np.zeros(2), power, held_out, batch)
+    return SimpleNamespace(posterior=SimpleNamespace(drive=drive), judgement=judged)
+
+
+@pytest.mark.parametrize(
+    ("variable", "named", "left", "helps", "is_named"),
+    [
+        ("position", SPRING, 0.05, True, True),
+        ("position", SPRING, 0.2, True, False),
+        ("position", SPRING, 0.05, False, False),
+        ("position", effect("QuadraticDrag", drag=1.0), 0.05, True, False),
+        ("position (friction level)", SPRING, 0.05, True, False),
+    ],
+)
+def test_a_force_of_the_position_is_named_though_its_equation_leaves_much(
+    variable, named, left, helps, is_named
+):
+    """Where a map over the position beside it leaves little: of a spring that hardens the spring is missing."""
+    recordings = closed_loop("fit", moves(2.0), seed=2), closed_loop("held out", moves(2.0), seed=3)
+    batch = make_batch(recordings, encoder_step=FINE)
+    base, last = _model(batch, 1.0), _model(batch, 0.4, named)
+    mapped = ResidualModel(variable, _model(batch, left, named), None, helps)
+    found = of_another_shape(mapped, base, last, np.ones((1, 1)))
+    assert (found is not None) == is_named
+    if found is not None:
+        assert found[0] == pytest.approx(left)
+        assert found[1].startswith("Named by what it depends on") and "40 % of the misfit" in found[1]
+
+
+@pytest.mark.slow
+def test_a_hardening_spring_is_a_spring_of_another_shape():
+    places = np.linspace(-0.1, 0.1, KNOTS)
+    force = {f"h{k}": float(2.5 * x + 100.0 * x**3) for k, x in enumerate(places)}
+    plant = PLANT.with_effects(PositionForceMap(**force, middle=0.0, half=0.1))
+    there = closed_loop("there", moves(8.0, (0.09, -0.08, 0.07, 0.0), (0.5,) * 4), seed=2, drive=plant)
+    back = closed_loop("back", moves(8.0, (-0.09, 0.05, -0.07, 0.08), (0.6,) * 4), seed=3, drive=plant)
+    batch = make_batch((there, back), encoder_step=FINE)
+    held_out = np.array([False, True])
+    with ThreadPoolExecutor(2) as executor:
+        base = fit_base((PLANT,), batch, held_out, executor, silent)
+        last = fit_base((PLANT.with_effects(SPRING),), batch, held_out, executor, silent)
+        found = residual_model(last, np.ones((1, 1)), executor)
+    assert found is not None and found.variable == "position" and found.helps
+    shape = of_another_shape(found, base, last, np.ones((1, 1)))
+    assert shape is not None and shape[0] < 0.1

@@ -13,12 +13,19 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
+from frictionjax.diagnosis.selection.verdict_rule import most_left
 from frictionjax.diagnosis.table import Gains
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS, AbstractMap
+
+_POSITION = "position"
+_OTHER_SHAPE = (
+    "Named by what it depends on: the force of this machine is another function of the position than the equation of "
+    "{} says. The equation alone leaves {:.0f} % of the misfit, with a map over the position {:.0f} %."
+)
 
 _TAIL = 0.05  # share of the excess that is left out on either side of a spot
 _MARGIN = 1.5  # factor on the width of a spot, for its map
@@ -110,3 +117,33 @@ def residual_model(
     tested.sort(key=lambda item: -item[0])
     converged = list(executor.map(converge, tested[: own.residual_maps]))
     return max(converged, key=lambda found: found.gains.worth, default=None)
+
+
+def of_another_shape(
+    residual: ResidualModel,
+    base: Model,
+    last: Model,
+    floor: Float[np.ndarray, "#r #b"],
+    *,
+    rule: Rule = Rule(),
+) -> tuple[float, str] | None:
+    """What is left, and a sentence, where the `last` model has named a force that is a function of the position, and
+    the map of the `residual` is of that function; None where it is not, or where that leaves too much for a name.
+
+    A spring may harden, and a linkage moves its weight along another curve than a pendulum: what is missing is named,
+    and its equation is an approximation.
+
+    **Arguments:** `residual`, a map beside the effects of the `last` model; the `base` model; the `floor`; the `rule`.
+    """
+    named = last.posterior.drive.effects[len(base.posterior.drive.effects) :]
+    own = [effect.name for effect in named if effect.about.of_position]
+    if not own or residual.variable != _POSITION or not residual.helps:
+        return None
+    alone, whole = (
+        compare(base.judgement, one.judgement, floor, rule=rule) for one in (last, residual.model)
+    )
+    exact = [bool(effect.about.one_law) for effect in named]
+    left = [float(np.clip(1.0 - row.gains(rule).share, 0.0, 1.0)) for row in (alone, whole)]
+    if not left[1] < most_left(exact, rule=rule):
+        return None
+    return left[1], _OTHER_SHAPE.format(", ".join(own), *(100.0 * part for part in left))

@@ -29,7 +29,8 @@ class About(eqx.Module):
     effects with a similar signature), `split_by` (the experiment that distinguishes it from those), `source`, `needs`
     (what recordings must contain to show it: any of `"sliding"`, `"presliding"`, `"rest"`, `"both directions"`,
     `"clock"`, `"angle"`, `"motor force"`), `one_law` (whether its equation is exact on every machine, so that the right
-    effect leaves almost no residual).
+    effect leaves almost no residual), `of_position` (whether it is a force that is a function of the position alone: a
+    machine may have another function than the equation).
     """
 
     sentence: str = eqx.field(static=True)
@@ -40,6 +41,7 @@ class About(eqx.Module):
     source: str = eqx.field(static=True, default="")
     needs: tuple[str, ...] = eqx.field(static=True, default=())
     one_law: bool = eqx.field(static=True, default=False)
+    of_position: bool = eqx.field(static=True, default=False)
 
 
 class Now(eqx.Module):

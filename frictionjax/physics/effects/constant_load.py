@@ -29,6 +29,7 @@ class ConstantLoad(AbstractForceEffect):
         confused_with=("direction_asymmetry", "return_spring"),
         split_by="presliding noise around zero force: a load moves the equilibrium, asymmetric friction does not",
         one_law=True,
+        of_position=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("load", "{force}", "constant force", scale="Fc", probes=(0.01, 0.1)),

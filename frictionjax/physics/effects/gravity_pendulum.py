@@ -36,6 +36,7 @@ class GravityPendulum(AbstractForceEffect):
         split_by="slow moves over a whole turn in both directions",
         needs=("angle",),
         one_law=True,
+        of_position=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sine", "{force}", "torque a quarter turn from x = 0", scale="Fc", probes=(0.02,)),

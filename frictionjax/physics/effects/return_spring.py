@@ -30,6 +30,7 @@ class ReturnSpring(AbstractForceEffect):
         confused_with=("constant_load", "ripple"),
         split_by="slow moves over the whole stroke in both directions",
         one_law=True,
+        of_position=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
         Parameter(

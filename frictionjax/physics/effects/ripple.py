@@ -27,6 +27,7 @@ class Ripple(AbstractWave, AbstractForceEffect):
         confused_with=("position_dependence", "return_spring"),
         split_by="slow moves over several periods in both directions",
         one_law=True,
+        of_position=True,
     )
     strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths("{force}", "amplitude", scale="Fc")
     nuisances: ClassVar[tuple[Parameter, ...]] = (
