@@ -9,6 +9,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from frictionjax.diagnosis.rule import Rule
 
 SCHEMA = "frictionjax.comparisons/1"
@@ -33,6 +36,15 @@ class Lead:
     def in_errors(self, rule: Rule) -> float:
         """The lead in its standard errors; 0 where there are too few clusters for one, by the `rule`."""
         return 0.0 if self.clusters < rule.accept.least_clusters else self.total / self.error
+
+
+def paired_lead(gains: Float[np.ndarray, "..."]) -> Lead:
+    """The lead that the `gains` of paired clusters add up to; clusters that do not differ do not count."""
+    own = gains[gains != 0.0]
+    if own.size == 0:
+        return Lead(0.0, 0.0, 0)
+    error = float(np.sqrt(own.size)) * max(float(own.std()), 1e-300)
+    return Lead(float(own.sum()), error, int(own.size))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,6 +122,12 @@ class Comparison:
             self.held_out.in_errors(rule),
             repeats(self.waves, rule),
         )
+
+    def lead_over(self, other: "Comparison") -> Lead:
+        """By how much `after` leads that of the `other` comparison, with the same model before and above the same
+        floor, over the clusters of all recordings."""
+        own, its = (np.array([*one.gains_fit, *one.gains_held_out]) for one in (self, other))
+        return paired_lead(own - its)
 
 
 @dataclasses.dataclass(frozen=True)

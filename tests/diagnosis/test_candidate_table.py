@@ -16,6 +16,7 @@ from frictionjax.diagnosis.selection.candidate_table import (
     explained_where_predictable,
     ground_of,
     keeps_the_best,
+    not_above_what_is_left,
 )
 from frictionjax.estimation.data.batch import make_batch
 
@@ -106,3 +107,51 @@ def test_beside_a_gap_a_raised_floor_stays(judged):
     before = np.full(judged.power.shape, 5.0)
     assert np.all(plain < 5.0)
     np.testing.assert_array_equal(ground_of(model, refits, answer, before).floor, before)
+
+
+@pytest.mark.parametrize("thought", [1.0, 3.0])
+def test_noise_that_was_thought_larger_hides_no_better_model(judged, thought):
+    """Blocks of few samples scatter, so that the misfit of a perfect model is below zero; so it is where the noise is
+    smaller than it was thought to be. The likeliest model is at the floor in either case, and the other one above."""
+    rng = np.random.default_rng(0)
+    perfect = rng.chisquare(6, judged.power.shape) / 6 / thought
+    likeliest, worse = (_with(judged, power=power).judgement for power in (perfect, 1.2 * perfect))
+    unit = np.ones_like(perfect)
+    assert max(likeliest.misfits(unit)) < 0.0
+    floor = not_above_what_is_left(unit, [worse, likeliest])
+    assert likeliest.misfits(floor) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert min(worse.misfits(floor)) > 0.03
+    # A factor for the fitted and one for the held-out recordings, so that what is left in some of them still counts.
+    assert np.all(floor == floor[:, :1])
+
+
+def test_a_floor_is_not_lowered_to_what_misses_something(judged):
+    """Nor raised: a misfit above the noise stays."""
+    floor = np.ones_like(judged.power)
+    np.testing.assert_array_equal(not_above_what_is_left(floor, [judged]), floor)
+    held = _with(judged, power=np.where(judged.held_out[:, None], 0.5, judged.power)).judgement
+    lowered = not_above_what_is_left(floor, [judged, held])
+    np.testing.assert_array_equal(lowered[0], floor[0])
+    assert np.all(lowered[1] < 1.0)
+
+
+def test_the_ground_of_an_input_driven_table_is_what_the_likeliest_leaves(judged):
+    unit = np.ones((1, *judged.power.shape))
+    answer = Answer(np.zeros(judged.power.shape), unit[0], unit, 0.0 * unit, 0.0 * unit)
+    model, found = (
+        _with(judged, power=np.full_like(unit[0], 0.8)),
+        _with(judged, power=np.full_like(unit[0], 0.6)),
+    )
+    for one in (model, found):
+        one.posterior = _joint(judged)
+    ground = ground_of(model, [SimpleNamespace(model=found)], answer)
+    assert found.judgement.misfits(ground.floor) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert min(model.judgement.misfits(ground.floor)) > 0.05
+
+
+def test_without_noise_the_floor_stays_a_number(judged):
+    floor = np.ones_like(judged.power)
+    silent = _with(judged, power=np.zeros_like(floor)).judgement
+    lowered = not_above_what_is_left(floor, [silent])
+    assert np.all(np.isfinite(lowered)) and np.all(lowered > 0.0)
+    assert np.all(np.isfinite(judged.misfits(lowered)))

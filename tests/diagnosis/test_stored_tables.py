@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import helpers_rule
+import numpy as np
 import pytest
 from helpers_rule import row, table
 
@@ -75,6 +76,27 @@ def test_a_parameter_that_was_left_open_is_asked_of_all_recordings():
     found = _search(first, together)
     assert found.verdict == "adequate" and found.rounds[0].together
     assert found.rounds[0].dropped.startswith("not needed")
+
+
+def test_what_is_likelier_than_the_base_model_of_all_recordings_is_no_open_parameter():
+    """Half a standard error on either side of what tells two names apart."""
+    rng, clusters = np.random.default_rng(0), 40
+    scatter = rng.standard_normal(clusters)
+    scatter = (scatter - scatter.mean()) / scatter.std()
+    for errors, named in ((RULE.rivals.lead + 0.5, ("delay",)), (RULE.rivals.lead - 0.5, ())):
+        gains = tuple(scatter + errors / np.sqrt(clusters))
+        found = row((0.99, 0.99), before=(0.004, 0.3), effect="delay", exact=(True,))
+        ahead = dataclasses.replace(found, gains_fit=gains[:20], gains_held_out=gains[20:])
+        together = row(before=(0.004, 0.3), shares=(0.0, 0.99))
+        together = dataclasses.replace(together, gains_fit=(0.0,) * 20, gains_held_out=(0.0,) * 20)
+        tables = [
+            table(ahead, misfits=(0.004, 0.3)),
+            table(together, key="t1", asked=("all recordings", "t0")),
+            table(found, key="t2", asked=("whole", "t0.0", "t0")),
+        ]
+        decided = _search(*tables)
+        assert decided.names == named
+        assert decided.rounds[0].together == (not named)
 
 
 def test_a_second_effect_is_looked_up_beside_the_first():

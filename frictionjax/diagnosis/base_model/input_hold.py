@@ -9,11 +9,11 @@ import numpy as np
 
 from frictionjax.core import Progress
 from frictionjax.diagnosis.base_model.fit_base import base_of, fit_base
-from frictionjax.diagnosis.evidence.judgement import Judgement, paired_lead
+from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Lead
+from frictionjax.diagnosis.table import Lead, paired_lead
 from frictionjax.recordings import Case
 
 Hold = Literal["zero", "linear"]

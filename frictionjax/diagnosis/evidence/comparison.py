@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained, paired_lead
+from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained
 from frictionjax.diagnosis.evidence.model import has_contacts
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Comparison, Lead
+from frictionjax.diagnosis.table import Comparison, Lead, paired_lead
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect
 
 _SHORTEST = 1e-200  # of a period: what has none is periodic as often as one likes

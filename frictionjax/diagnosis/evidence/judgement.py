@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Lead, shares, whole_misfits, within
+from frictionjax.diagnosis.table import paired_lead, shares, whole_misfits, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.misfit import losses_of
@@ -139,12 +139,3 @@ def advantage(
     """Loss of `other` minus that of `better` above the `floor`, in standard errors of the difference, from paired
     clusters of the recordings `rows`; 0 where there are too few of them, by the `rule`."""
     return paired_lead((other.clusters(floor) - better.clusters(floor))[rows]).in_errors(rule)
-
-
-def paired_lead(gains: Float[np.ndarray, "..."]) -> Lead:
-    """The lead that the `gains` of paired clusters add up to; clusters that do not differ do not count."""
-    own = gains[gains != 0.0]
-    if own.size == 0:
-        return Lead(0.0, 0.0, 0)
-    error = float(np.sqrt(own.size)) * max(float(own.std()), 1e-300)
-    return Lead(float(own.sum()), error, int(own.size))

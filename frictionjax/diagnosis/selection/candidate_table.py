@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+from scipy.optimize import root_scalar
 
 from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.evidence.comparison import between, compare, forms_of
@@ -24,6 +25,7 @@ from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.table import Table
 
 _HALVINGS = 30  # of what is excused
+_LOWEST = -50.0  # logarithm of a factor on a floor, below any in use: powers are in units of the noise
 
 
 class Ground(NamedTuple):
@@ -117,8 +119,11 @@ def ground_of(
     # What raises all of a recording alike, by little, whatever the model, is no physics.
     floor = floor_of(force, answer, quiet)
     floor = floor * np.min([colour(power, floor, model.posterior, rule=rule) for power in powers], axis=0)
-    # Errors that do not count in the fits do not count here either.
-    floor = np.maximum(floor, model.posterior.batch.eased[:, None])
+    if model.posterior.batch.imposed:
+        # Errors that do not count in the fits do not count here either.
+        floor = np.maximum(floor, model.posterior.batch.eased[:, None])
+    else:
+        floor = not_above_what_is_left(floor, [model.judgement, *(r.model.judgement for r in refits)])
     if is_chaotic(model):
         return Ground(floor if before is None else np.maximum(floor, before), force, False)
     best = _best(model, refits, floor, rule)
@@ -134,6 +139,32 @@ def ground_of(
     # What a gap excuses must not let in another candidate, to which it does not belong.
     keeps = raised is not floor and keeps_the_best(model, refits, floor, raised, rule=rule)
     return Ground(raised if keeps else floor, force, raised is not floor)
+
+
+def not_above_what_is_left(floor: np.ndarray, models: list[Judgement]) -> np.ndarray:
+    """The `floor` of each block, lowered in the fitted and in the held-out recordings by a factor of their own until
+    the likeliest of the `models` on all recordings is not below it.
+
+    Noise whose level was estimated too high, and the scatter of blocks of few samples (the logarithm of their power is
+    below that of its mean), leave even an imperfect model less than the floor. A better one would then explain nothing
+    more, however much likelier it is.
+    """
+    likeliest = min(models, key=lambda one: float(one.clusters(floor).sum()))
+    factors = [
+        1.0 if misfit >= 0.0 else float(np.exp(_root(likeliest, floor, which)))
+        for which, misfit in enumerate(likeliest.misfits(floor))
+    ]
+    return floor * np.where(likeliest.held_out, factors[1], factors[0])[:, None]
+
+
+def _root(model: Judgement, floor: np.ndarray, which: int) -> float:
+    """Logarithm of the factor on the `floor` above which the `model` misses nothing, in fit (0) or held-out (1)."""
+
+    def misfit(log: float) -> float:
+        return model.misfits(np.exp(log) * floor)[which]
+
+    # Without any noise, of a simulation, there is no root.
+    return root_scalar(misfit, bracket=(_LOWEST, 0.0)).root if misfit(_LOWEST) > 0.0 else _LOWEST
 
 
 def may_excuse(shares: tuple[float, float], rule: Rule) -> bool:

@@ -134,6 +134,10 @@ class Search:
         if own != (True, False):
             return False
         refitted = self.tables.all_recordings(first)
+        if first.accepted is not None:
+            lead = first.row.lead_over(refitted)
+            if lead.in_errors(self.rule) > self.rule.rivals.lead:
+                return False
         return adequate(refitted.misfits_after, refitted.misfit_errors, self.rule)
 
     def _pair(self, first: Round) -> list[Round] | None:
