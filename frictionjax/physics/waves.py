@@ -63,6 +63,32 @@ class AbstractWaveWithOvertone(eqx.Module):
         return wave(x / self.period, (self.sine, self.cosine), (self.sine2, self.cosine2))
 
 
+class AbstractWaveWithOvertones(eqx.Module):
+    """An effect that is a wave along the position with four harmonics.
+
+    **Arguments:** `sine`, `cosine`: parts of the wave; those with a number k: at the k-th part of the period; `period`:
+    position units.
+    """
+
+    along: ClassVar[Literal["position"]] = "position"
+
+    sine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine2: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine3: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine3: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    sine4: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    cosine4: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
+    period: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
+
+    def wave(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Height of the wave at position `x`."""
+        first, second = (self.sine, self.cosine), (self.sine2, self.cosine2)
+        third, fourth = (self.sine3, self.cosine3), (self.sine4, self.cosine4)
+        return wave(x / self.period, first, second, third, fourth)
+
+
 def wave_strengths(
     unit: str,
     meaning: str,
@@ -70,18 +96,24 @@ def wave_strengths(
     scale: float | str = 1.0,
     limit: float = float("inf"),
     probe: float = 0.02,
-    overtone: bool = False,
+    harmonics: int = 1,
 ) -> tuple[Parameter, ...]:
-    """The strengths of a wave: `sine` and `cosine`, and with an `overtone` `sine2` and `cosine2` as well.
+    """The strengths of a wave: `sine` and `cosine`, and `sine2` and `cosine2` and so on for further `harmonics`.
 
     **Arguments:**
 
     - `unit`, `scale`: as in `Parameter`.
     - `meaning`: of a part, such as "amplitude".
     - `limit`: largest absolute value of a part.
+    - `harmonics`: how many, four at most.
     - `probe`: the finite step at which a part is tried, in units of `scale`.
     """
-    harmonics = (("", ""), ("2", " at half the period")) if overtone else (("", ""),)
+    numbered = (
+        ("", ""),
+        ("2", " at half the period"),
+        ("3", " at a third of it"),
+        ("4", " at a quarter of it"),
+    )
     return tuple(
         Parameter(
             f"{part}{number}",
@@ -92,6 +124,6 @@ def wave_strengths(
             upper=limit,
             probes=(probe,),
         )
-        for number, where in harmonics
+        for number, where in numbered[:harmonics]
         for part in ("sine", "cosine")
     )

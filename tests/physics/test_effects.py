@@ -136,9 +136,16 @@ SLIDING = {
         {"sine": 0.1, "cosine": 0.2},
         lambda x, v: np.sign(v) * _level(v) + S2 * v + _wave(x, 0.1, 0.2),
     ),
-    "RippleWithOvertone": (
-        {"sine": 0.1, "cosine": 0.2, "sine2": 0.05, "cosine2": -0.03},
-        lambda x, v: np.sign(v) * _level(v) + S2 * v + _wave(x, 0.1, 0.2) + _wave(x, 0.05, -0.03, 2e-4),
+    "RippleWithOvertones": (
+        {"sine": 0.1, "cosine": 0.2, "sine2": 0.05, "cosine2": -0.03, "sine3": 0.02, "cosine4": 0.01},
+        lambda x, v: (
+            np.sign(v) * _level(v)
+            + S2 * v
+            + _wave(x, 0.1, 0.2)
+            + _wave(x, 0.05, -0.03, 2e-4)
+            + _wave(x, 0.02, 0.0, 4e-4 / 3)
+            + _wave(x, 0.0, 0.01, 1e-4)
+        ),
     ),
     "StribeckShape": (
         {"exponent_change": -1.0},

@@ -56,7 +56,7 @@ STRONG = {
     "PeriodicPositionDependence": -0.1,
     "ReturnSpring": 300.0,
     "Ripple": 0.02,
-    "RippleWithOvertone": 0.02,
+    "RippleWithOvertones": 0.02,
     "StribeckShape": -0.5,
     "ElastoPlastic": 0.6,
     "SharpYield": 0.4,

@@ -115,8 +115,10 @@ def test_strengths_have_derivatives_at_rest():
         ("MainsPickup", "sine"),
         ("MainsPickup", "cosine"),
         ("Ripple", "cosine"),
-        ("RippleWithOvertone", "cosine"),
-        ("RippleWithOvertone", "cosine2"),
+        ("RippleWithOvertones", "cosine"),
+        ("RippleWithOvertones", "cosine2"),
+        ("RippleWithOvertones", "cosine3"),
+        ("RippleWithOvertones", "cosine4"),
     }
 
 

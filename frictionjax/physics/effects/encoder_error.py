@@ -52,7 +52,7 @@ class EncoderErrorWithOvertone(AbstractWaveWithOvertone, AbstractSensorEffect):
     name: ClassVar[str] = EncoderError.name
     about: ClassVar[About] = EncoderError.about
     strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
-        "{position}", "amplitude", scale="step", probe=1.0, overtone=True
+        "{position}", "amplitude", scale="step", probe=1.0, harmonics=2
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = EncoderError.nuisances
 

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Parameter
 from frictionjax.physics.effects.base import About, AbstractForceEffect, Now
 from frictionjax.physics.lugre import LuGre
-from frictionjax.physics.waves import AbstractWave, AbstractWaveWithOvertone, wave_strengths
+from frictionjax.physics.waves import AbstractWave, AbstractWaveWithOvertones, wave_strengths
 
 
 class Ripple(AbstractWave, AbstractForceEffect):
@@ -40,20 +40,20 @@ class Ripple(AbstractWave, AbstractForceEffect):
         return self.wave(now.x)
 
 
-class RippleWithOvertone(AbstractWaveWithOvertone, AbstractForceEffect):
-    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1, 2: a wave with an
-    overtone.
+class RippleWithOvertones(AbstractWaveWithOvertones, AbstractForceEffect):
+    """J x'' = km u - F - sum of sine_k sin(2 pi k x/period) + cosine_k cos(2 pi k x/period), k = 1 to 4: the pulls of
+    slots are short, with level stretches between them.
 
     **Arguments:**
 
-    - `sine`, `cosine`: amplitudes, force units; `sine2`, `cosine2`: those at half the period.
+    - `sine`, `cosine`: amplitudes, force units; those with a number k: at the k-th part of the period.
     - `period`: position units.
     """
 
     name: ClassVar[str] = Ripple.name
     about: ClassVar[About] = Ripple.about
     strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths(
-        "{force}", "amplitude", scale="Fc", overtone=True
+        "{force}", "amplitude", scale="Fc", harmonics=4
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = Ripple.nuisances
 

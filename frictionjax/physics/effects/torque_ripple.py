@@ -52,7 +52,7 @@ class TorqueRippleWithOvertone(AbstractWaveWithOvertone, AbstractForceEffect):
 
     name: ClassVar[str] = TorqueRipple.name
     about: ClassVar[About] = TorqueRipple.about
-    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths("1", "part", limit=0.9, overtone=True)
+    strengths: ClassVar[tuple[Parameter, ...]] = wave_strengths("1", "part", limit=0.9, harmonics=2)
     nuisances: ClassVar[tuple[Parameter, ...]] = TorqueRipple.nuisances
 
     def force(self, friction: LuGre, now: Now) -> Float[Array, ""]:
