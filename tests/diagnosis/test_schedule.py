@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, open_loop
 
+from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
 from frictionjax.diagnosis.evidence.pace import at_pace, free_mass_bandwidth, pace_of, schedule_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
+from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
 
@@ -84,6 +88,29 @@ def test_the_gains_follow_the_machine(batch):
     rests, falls = speed[inside] < 1e-3, (speed[inside] > 0.02) & (speed[inside] < 0.08)
     assert rests.sum() > 100 and falls.sum() > 100
     assert np.median(gains[inside][falls]) > 2.0 * np.median(gains[inside][rests])
+
+
+def _with_gains_of(machine, batch, pace):
+    """The true machine as a fitted model whose observers have the gains that this `machine` asks for."""
+    other, there = robust_posterior(machine, batch, FITTED, pace=pace)
+    posterior, vector = robust_posterior(STEEP, batch, FITTED, pace=pace)
+    own = at_pace(posterior, pace, schedule_of(other, there, pace))
+    fitted = descend(own, vector, graduate=False, steps=0)
+    return Model(own, fitted, judge(own, fitted))
+
+
+def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):
+    """A filter for a machine whose friction does not fall corrects too little, and condemns the truth."""
+    unit, flat = np.ones((1, 1)), _with_friction(Fs=1.01 * PLANT.friction.Fc, vs=0.05)
+    found = _with_gains_of(STEEP, batch, pace_of(STEEP, batch, FITTED))
+    assert at_the_pace_of(found, found) is None
+    # At the pace of the wrong machine, and at its own, so that the gains alone are wrong.
+    for pace in (pace_of(flat, batch, FITTED), pace_of(STEEP, batch, FITTED)):
+        condemned = _with_gains_of(flat, batch, pace)
+        again = at_the_pace_of(condemned, condemned)
+        assert again is not None
+        assert condemned.judgement.misfits(unit)[0] > 0.1
+        assert again.judgement.misfits(unit)[0] < 2.0 * Rule().limits.adequate
 
 
 def test_fast_observers_have_constant_gains_and_pieces_keep_what_they_need(batch):

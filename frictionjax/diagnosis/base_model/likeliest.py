@@ -53,14 +53,23 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
 
 
 def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model | None:
-    """The `base` model converged and judged with observers of the pace that the `likeliest` parameters of the `model`
-    ask for (`pace_of`, with the `rule`); None where that is the pace it has."""
+    """The `base` model converged and judged with observers of the pace and the gains that the `likeliest` parameters of
+    the `model` ask for; None where it has that pace, and the `model` misses as much with such gains, by the `rule`.
+
+    A filter for wrong parameters may be unstable where the machine is not: then it condemns the right model.
+    """
     posterior = model.posterior
     there = likeliest(posterior, model.fitted.vector)
     pace = pace_of(posterior.drive_of(there), posterior.batch, model.judgement.held_out, rule=rule)
+    schedule = schedule_of(posterior, there, pace, rule=rule)
     if np.array_equal(pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
-        return None
-    paced = at_pace(base.posterior, pace, schedule_of(posterior, there, pace, rule=rule))
+        own = at_pace(posterior, pace, schedule)
+        again = judge(own, descend(own, model.fitted.vector, graduate=False, steps=0))
+        unit = np.ones((1, 1))
+        fewer = np.array(model.judgement.misfits(unit)) - again.misfits(unit)
+        if np.max(fewer) <= rule.limits.adequate:
+            return None
+    paced = at_pace(base.posterior, pace, schedule)
     fitted = descend(paced, base.fitted.vector, graduate=False)
     return Model(paced, fitted, judge(paced, fitted))
 

@@ -67,8 +67,9 @@ def select(
     - `rule`: what decides.
     - `effort`: how much is tested and refitted.
 
-    Under a coarse sensor, what is named may show that the observers were too slow for the machine's friction, or
-    could be slower: where something is left, the selection is made once more at the pace of the model that it found.
+    Under a coarse sensor the gains of the observers are those that the base model asks for. What is found may show that
+    they are wrong for the machine: where something is left, the selection is made once more with those of the model
+    that it found.
     """
 
     def selected(base: Model) -> Selection:
@@ -82,11 +83,13 @@ def select(
 
 
 def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
-    """The `base` model at the pace of what was `found`; None where nothing is left, or the pace is the same."""
+    """The `base` model observed as what was `found` asks for, or, where nothing was accepted, as the candidate does
+    that explains most; None where nothing is left, or nothing changes."""
     accepted = [step.accepted for step in found.steps if step.accepted is not None]
-    if not accepted or not found.decision.remains or not is_coarse(base.posterior):
+    best = accepted[-1:] or found.steps[0].refits[:1]
+    if not best or not found.decision.remains or not is_coarse(base.posterior):
         return None
-    return at_the_pace_of(accepted[-1].model, base, rule=rule)
+    return at_the_pace_of(best[0].model, base, rule=rule)
 
 
 def _selected(
