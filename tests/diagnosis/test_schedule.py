@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, open_loop
 
-from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of
+from frictionjax.diagnosis.base_model import likeliest
+from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
@@ -111,6 +112,34 @@ def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):
         assert again is not None
         assert condemned.judgement.misfits(unit)[0] > 0.1
         assert again.judgement.misfits(unit)[0] < 2.0 * Rule().limits.adequate
+
+
+def _asked(drive, batch, monkeypatch, ends_at=None):
+    """The recordings as `drive` asks for them, where least squares ends at the drive `ends_at`, or at itself."""
+    posterior, vector = robust_posterior(drive, batch, FITTED, pace=pace_of(drive, batch, FITTED))
+    there = vector if ends_at is None else robust_posterior(ends_at, batch, FITTED)[1]
+    monkeypatch.setattr(likeliest, "likeliest", lambda posterior, vector: there)
+    asked, end = observed_as_asked(posterior, vector, FITTED)
+    assert np.array_equal(end, there)
+    return asked.recordings, schedule_of(posterior, vector, np.asarray(asked.recordings.pace))
+
+
+def test_parameters_of_no_machine_ask_for_nothing(batch, monkeypatch):
+    """Least squares may end at next to no friction, which falls nowhere; the robust fit knew better."""
+    nonsense = _with_friction(Fc=0.3 * PLANT.friction.Fc, Fs=0.9 * PLANT.friction.Fs, vs=5.0)
+    recordings, own = _asked(STEEP, batch, monkeypatch, nonsense)
+    assert recordings.varies.all()
+    np.testing.assert_array_equal(recordings.gains.position, own.gains.position)
+
+
+def test_a_filter_that_lost_the_machine_makes_way_for_constant_gains(batch, monkeypatch):
+    """A model that sticks where the machine moves corrects less and less, as if it knew where the machine is."""
+    stuck = _with_friction(Fc=3.0 * PLANT.friction.Fc, Fs=3.5 * PLANT.friction.Fs)
+    recordings, own = _asked(stuck, batch, monkeypatch)
+    assert own.used.all() and not recordings.varies.any()
+    assert np.ptp(recordings.gains.position) == 0.0
+    recordings, _ = _asked(STEEP, batch, monkeypatch)
+    assert recordings.varies.all()
 
 
 def test_fast_observers_have_constant_gains_and_pieces_keep_what_they_need(batch):

@@ -42,14 +42,26 @@ def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
     reference = np.asarray(posterior.batch.block_mean(posterior.recordings.without_model() ** 2))
     power, count = model.judgement.power, np.asarray(posterior.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)
-    failed = tuple(
-        int(row)
-        for row in rows
+    worse = lost(reference, power, count, rule)
+    failed = tuple(int(row) for row in rows if row in worse)
+    return Credibility(*energy_and_lead(reference[rows], power[rows], count[rows], rule), failed)
+
+
+def lost(
+    reference: Float[np.ndarray, "r b"],
+    power: Float[np.ndarray, "r b"],
+    count: Float[np.ndarray, "r b"],
+    rule: Rule,
+) -> tuple[int, ...]:
+    """Numbers of the recordings in which a model is worse than the `reference` by both measures; arguments as of
+    `energy_and_lead`."""
+    return tuple(
+        row
+        for row in range(power.shape[0])
         if not _better(
             *energy_and_lead(reference[row : row + 1], power[row : row + 1], count[row : row + 1], rule)
         )
     )
-    return Credibility(*energy_and_lead(reference[rows], power[rows], count[rows], rule), failed)
 
 
 def made_credible(before: Model, after: Sequence[Model], rule: Rule) -> tuple[bool, ...]:

@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
-from frictionjax.diagnosis.base_model.likeliest import is_coarse, likeliest, likeliest_parameters
+from frictionjax.diagnosis.base_model.likeliest import is_coarse, likeliest_parameters, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
-from frictionjax.diagnosis.evidence.pace import at_pace, pace_of, schedule_of
+from frictionjax.diagnosis.evidence.pace import at_pace, pace_of
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
@@ -116,11 +116,9 @@ def fit_base(
 def _at_its_own_pace(
     posterior: Posterior, fitted: Fitted, held_out: Bool[np.ndarray, " r"], rule: Rule
 ) -> tuple[Posterior, Fitted]:
-    """The base model at the pace that its likeliest parameters ask for, by the `rule`, converged from these and from
-    where it was `fitted`: the better end."""
-    there = likeliest(posterior, fitted.vector)
-    pace = pace_of(posterior.drive_of(there), posterior.batch, held_out, rule=rule)
-    paced = at_pace(posterior, pace, schedule_of(posterior, there, pace, rule=rule))
+    """The base model with the observers that it asks for, by the `rule`, converged from its likeliest parameters and
+    from where it was `fitted`: the better end."""
+    paced, there = observed_as_asked(posterior, fitted.vector, held_out, rule=rule)
     ends = [descend(paced, vector, graduate=False) for vector in (there, fitted.vector)]
     return paced, min(ends, key=lambda end: end.misfit)
 

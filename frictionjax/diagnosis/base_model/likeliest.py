@@ -4,12 +4,15 @@ A fixed-gain observer that is slow enough for a coarse sensor prefers friction t
 grows in an unstable motion, and a stable model leaves less. A Kalman filter knows how much noise grows.
 """
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
+from frictionjax.diagnosis.base_model.credibility import lost
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.pace import at_pace, pace_of, schedule_of
@@ -22,6 +25,7 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 
+_LOST = 1e30  # power of what is not finite
 _STEPS = 2  # integration steps a sample at least, as in `fit`
 
 
@@ -52,24 +56,76 @@ def likeliest(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
     return changed(vector, places, _refined(posterior, vector, posterior.batch.substeps).vector)
 
 
+def observed_as_asked(
+    posterior: Posterior,
+    vector: Float[Numbers, " q"],
+    held_out: Bool[np.ndarray, " r"],
+    *,
+    rule: Rule = Rule(),
+) -> tuple[Posterior, Float[Numbers, " q"]]:
+    """The `posterior` with observers of the pace and the gains that its machine asks for, and the `likeliest`
+    parameters from the `vector`.
+
+    The machine is that of these parameters or that at the `vector`, with whose observers the innovations are likelier.
+    Where much is missing, least squares may end at parameters of no machine, and a filter for them is of no use.
+    Recordings that are predicted worse than by constant velocity keep constant gains: a filter that takes a moving
+    machine for one in stick corrects less and less, and never comes back.
+
+    **Arguments:** `posterior` and `vector`, where its descent ended; `held_out` (bool, shape `(r,)`); the `rule`.
+    """
+    ends = (likeliest(posterior, vector), vector)
+
+    def asked_by(there: Float[Numbers, " q"]) -> Posterior:
+        pace = pace_of(posterior.drive_of(there), posterior.batch, held_out, rule=rule)
+        return at_pace(posterior, pace, schedule_of(posterior, there, pace, rule=rule))
+
+    def cost(own: Posterior) -> float:
+        return _spread(own) + float(np.min(own.misfits(ends)))
+
+    return _without_lost(min((asked_by(there) for there in ends), key=cost), ends, rule), ends[0]
+
+
+def _without_lost(posterior: Posterior, ends: tuple[Float[Numbers, " q"], ...], rule: Rule) -> Posterior:
+    """The `posterior` with constant gains for the recordings that the better one of the `ends` loses, by the `rule`."""
+    recordings, batch = posterior.recordings, posterior.batch
+    assert isinstance(recordings, Observed)
+    if recordings.schedule is None:
+        return posterior
+    best = ends[int(np.argmin(posterior.misfits(ends)))]
+    reference = np.asarray(batch.block_mean(recordings.without_model() ** 2))
+    power = np.nan_to_num(np.asarray(posterior.powers([best])[0]), nan=_LOST, posinf=_LOST)
+    used = np.array(recordings.schedule.used)
+    used[list(lost(reference, power, np.asarray(batch.block_count), rule))] = False
+    schedule = dataclasses.replace(recordings.schedule, used=used)
+    return at_pace(posterior, recordings.pace, schedule)
+
+
+def _spread(posterior: Posterior) -> float:
+    """Mean logarithm of the standard deviation of the innovations over that of the sensor's noise, in the fitted
+    recordings: with the misfit, what a sample costs."""
+    recordings = posterior.recordings
+    assert isinstance(recordings, Observed)
+    used = np.asarray(posterior.batch.valid) * np.asarray(posterior.fitted[0])[:, None]
+    return float(np.sum(used * np.log(np.asarray(recordings.unit))) / max(float(np.sum(used)), 1.0))
+
+
 def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model | None:
-    """The `base` model converged and judged with observers of the pace and the gains that the `likeliest` parameters of
-    the `model` ask for; None where it has that pace, and the `model` misses as much with such gains, by the `rule`.
+    """The `base` model converged and judged with observers of the pace and the gains that the `model` asks for
+    (`observed_as_asked`); None where it has that pace, and the `model` misses as much with such gains, by the `rule`.
 
     A filter for wrong parameters may be unstable where the machine is not: then it condemns the right model.
     """
-    posterior = model.posterior
-    there = likeliest(posterior, model.fitted.vector)
-    pace = pace_of(posterior.drive_of(there), posterior.batch, model.judgement.held_out, rule=rule)
-    schedule = schedule_of(posterior, there, pace, rule=rule)
-    if np.array_equal(pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
-        own = at_pace(posterior, pace, schedule)
-        again = judge(own, descend(own, model.fitted.vector, graduate=False, steps=0))
+    held_out, vector = model.judgement.held_out, model.fitted.vector
+    asked, _ = observed_as_asked(model.posterior, vector, held_out, rule=rule)
+    recordings = asked.recordings
+    assert isinstance(recordings, Observed)
+    if np.array_equal(recordings.pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
+        again = judge(asked, descend(asked, vector, graduate=False, steps=0))
         unit = np.ones((1, 1))
         fewer = np.array(model.judgement.misfits(unit)) - again.misfits(unit)
         if np.max(fewer) <= rule.limits.adequate:
             return None
-    paced = at_pace(base.posterior, pace, schedule)
+    paced = at_pace(base.posterior, recordings.pace, recordings.schedule)
     fitted = descend(paced, base.fitted.vector, graduate=False)
     return Model(paced, fitted, judge(paced, fitted))
 
