@@ -16,7 +16,7 @@ from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.refitting import refit
-from frictionjax.diagnosis.refitting.descents import Start, uncoupled
+from frictionjax.diagnosis.refitting.descents import Candidate, Start, uncoupled, with_slow_observer
 from frictionjax.diagnosis.refitting.refit import Hints, refit_all
 from frictionjax.diagnosis.refitting.shortlist import absorbed_by_base
 from frictionjax.diagnosis.rule import Rule
@@ -26,6 +26,7 @@ from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.data.pieces import SHORTEST, pieces_of
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
+from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.effects import catalogue
 
@@ -138,6 +139,27 @@ def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driv
     assert best.effect == "load_dependence"
     assert float(best.model.judgement.drive.effects[-1].growth) == pytest.approx(GROWTH, rel=0.02)
     assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)
+
+
+def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):
+    """It has the inertia of another machine: it ends no higher than the model without it, and with its effect."""
+    model, scales, _, tried = driven
+    trial = max(tried["load_dependence"], key=lambda one: one.gain)
+    start = refit._start(model, scales, Hints(), None, Rule(), Effort())
+    posterior, silent = start.extended(trial)
+    own = start.own(posterior)
+    away = np.array(changed(silent, own, np.asarray(trial.vector)[own]))
+    place = next(k for k, free in enumerate(posterior.layout) if free.path == "J")
+    away[place] += np.log(30.0)
+    astray = descend(posterior, away, graduate=False, steps=0)
+    few = dataclasses.replace(Effort(), refitting=dataclasses.replace(Refitting(), slow_steps=5))
+    slow = with_slow_observer(dataclasses.replace(start, effort=few), Candidate(trial, posterior, astray))
+    assert astray.misfit > 2.0 * model.fitted.misfit
+    assert slow.model.fitted.misfit < model.fitted.misfit
+    lost = Candidate(
+        trial, posterior, descend(posterior, np.full_like(away, np.nan), graduate=False, steps=0)
+    )
+    assert with_slow_observer(start, lost).model.fitted.misfit <= model.fitted.misfit
 
 
 def _searching(samples):

@@ -168,7 +168,8 @@ def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
 
 
 def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
-    """The `candidate` after its last descent, with the slow observer, and judged."""
+    """The `candidate` after its last descent, with the slow observer, and judged. Where it ends above the model without
+    it, the fast observer led it astray, and it starts again from there: a richer model never explains less."""
     found, rule = candidate.fitted.vector, start.rule
     slow = candidate.posterior.on_recordings_of(start.whole).at_bandwidth(SLOW_BANDWIDTH)
     if has_contacts(candidate.trial.form):
@@ -176,7 +177,14 @@ def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
         slow = without_chaos(slow, found, rule=rule)
         slow = without_chaos(with_steps(slow, steps_needed(slow, found, rule=rule)), found, rule=rule)
     budget = start.effort.refitting
-    fitted = descend(slow, found, graduate=False, steps=budget.slow_steps, tolerance=budget.slow_tolerance)
+    steps, tolerance = budget.slow_steps, budget.slow_tolerance
+    fitted = descend(slow, found, graduate=False, steps=steps, tolerance=tolerance)
+    if not (has_contacts(candidate.trial.form) or fitted.misfit <= start.model.fitted.misfit):
+        _, silent = start.extended(candidate.trial)
+        own = start.own(slow)
+        others = (changed(silent, own, np.asarray(found)[own]), silent)
+        ends = [descend(slow, one, graduate=False, steps=steps, tolerance=tolerance) for one in others]
+        fitted = min(ends, key=lambda end: end.misfit)
     return Refitted(candidate.trial, Model(slow, fitted, judge(slow, fitted)))
 
 
