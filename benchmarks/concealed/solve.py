@@ -21,7 +21,7 @@ from benchmarks.concealed.seal import SEAL
 from benchmarks.concealed.solver import written_down
 from benchmarks.concealed.trace import trace_of
 from frictionjax.core import FrictionjaxWarning, InputError, keep_compiled
-from frictionjax.report.save import verdict_json
+from frictionjax.report.save import comparisons_json, verdict_json
 
 SOLVED, VERDICT, RIVALS = "solved", "verdict.json", "rivals.json"
 COMPILED = "compiled"
@@ -29,13 +29,14 @@ COMPILED = "compiled"
 
 
 def diagnosed(case_file: Path) -> dict:
-    """verdict.json of a case, with a `trace` to draw and the evidence for each name; a case that is refused has the
-    verdict "failed" and says why."""
+    """verdict.json of a case, with a `trace` to draw, the evidence for each name and the comparisons; a case that is
+    refused has the verdict "failed" and says why."""
     start = time.perf_counter()
     try:
         found = fj.diagnose(fj.load_case(case_file))
         evidence = [list(missing.evidence) for missing in found.missing]
-        verdict = verdict_json(found) | {"trace": trace_of(found), "evidence": evidence}
+        more = {"trace": trace_of(found), "evidence": evidence, "comparisons": comparisons_json(found)}
+        verdict = verdict_json(found) | more
     except (InputError, ValueError, FloatingPointError) as error:
         verdict = {"verdict": "failed", "error": str(error), "missing": [], "seconds": {}}
     verdict["seconds"]["wall"] = round(time.perf_counter() - start, 2)

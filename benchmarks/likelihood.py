@@ -1,0 +1,182 @@
+"""`python -m benchmarks.likelihood`: the name by likelihood alone, against the name by today's rule.
+
+    python -m benchmarks.likelihood collect BATCH --out FILE
+    python -m benchmarks.likelihood compare [--errors 3] FILE ...
+
+`collect` writes a line for each solved case of a revealed batch of `benchmarks.concealed`: what was hidden, what was
+said, and the table of the first round. `compare` decides from such lines, and from those of the bank that have tables,
+which candidate is accepted first, by two rules:
+
+- today's: shares of the misfit above the floor, the p-value of the score test, leads, distance from the noise;
+- by likelihood alone: the candidate with the largest gain of the log-likelihood over all recordings among those whose
+  gain is more than so many standard errors on the fitted and on the held-out recordings, which determined nothing of
+  it (a split likelihood ratio, over clusters of 0.5 s). No other number enters.
+
+It prints how often the first name is right, by stratum, and where the two differ. Where one of two effects is named
+first, that counts as right.
+"""
+
+import argparse
+import gzip
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks.concealed.seal import open_seal
+from benchmarks.concealed.solve import SOLVED, VERDICT
+from benchmarks.replay import lines_of
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.acceptance import choose
+from frictionjax.diagnosis.table import Comparison, Table, table_of
+
+OUTCOMES = ("right", "class", "other", "none")
+
+
+class Case(NamedTuple):
+    """A diagnosed case: its `name`, the `stratum` (nothing, one, two, outside), what is `missing`, the `verdict`, and
+    the first `table`."""
+
+    name: str
+    stratum: str
+    missing: tuple[str, ...]
+    verdict: str
+    table: Table
+
+
+class Choice(NamedTuple):
+    """The name that is given first, and those that the recordings cannot tell from it; None where there is none."""
+
+    name: str | None
+    rivals: tuple[str, ...] = ()
+
+    def outcome(self, missing: tuple[str, ...]) -> str:
+        """One of the `OUTCOMES`."""
+        if self.name is None:
+            return "none"
+        if self.name in missing:
+            return "right"
+        return "class" if set(self.rivals) & set(missing) else "other"
+
+
+def by_rule(table: Table, rule: Rule) -> Choice:
+    """What today's `rule` accepts first."""
+    found = choose(table, rule)
+    return Choice(None) if found.accepted is None else Choice(found.row.effect, found.rivals)
+
+
+def by_likelihood(table: Table, errors: float, rule: Rule) -> Choice:
+    """What the likelihood accepts first: gains of more than so many standard `errors`. The `rule` says from how many
+    clusters on there are standard errors, and which candidates make a class."""
+
+    def sure(row: Comparison) -> bool:
+        return all(lead.in_errors(rule) > errors for lead in (row.fit, row.held_out))
+
+    able = [number for number, row in enumerate(table.rows) if sure(row)]
+    if not able:
+        return Choice(None)
+    best = max(able, key=lambda number: table.rows[number].fit.total + table.rows[number].held_out.total)
+    name = table.rows[best].effect
+    rivals = {
+        table.rows[other].effect
+        for other in able
+        if table.rows[other].effect != name and table.lead(best, other, rule) < rule.rivals.lead
+    }
+    return Choice(name, tuple(sorted(rivals)))
+
+
+def cases_of(lines: Iterable[dict]) -> Iterator[Case]:
+    """The cases of `lines`, of the bank or collected, that have a table."""
+    for line in lines:
+        tables = (line.get("comparisons") or {}).get("tables")
+        if not tables:
+            continue
+        missing = tuple(line["missing"])
+        stratum = line.get("stratum") or ("nothing", "one", "two")[len(missing)]
+        yield Case(line["name"], stratum, missing, line["verdict"], table_of(tables[0]))
+
+
+def collected(batch: Path) -> Iterator[dict[str, Any]]:
+    """A line for each solved case of a `batch`. Raises `BrokenSeal` where the truth or a case was changed."""
+    truth = open_seal(batch)
+    for name, own in sorted(truth["cases"].items()):
+        path = batch / SOLVED / name / VERDICT
+        if not path.exists():
+            continue
+        verdict = json.loads(path.read_text(encoding="utf-8"))
+        first = (verdict.get("comparisons") or {}).get("tables", [])[:1]
+        for row in (row for table in first for row in table["rows"]):
+            row |= {"gains_fit": [], "gains_held_out": []}  # by cluster: nothing here needs them
+        yield {
+            "name": f"{truth['seed']} {name}",
+            "stratum": "one" if own["stratum"] == "confusable" else own["stratum"],
+            "missing": own["missing"],
+            "strength": own["strength"],
+            "families": own["families"],
+            "verdict": verdict["verdict"],
+            "named": [missing["effect"] for missing in verdict["missing"]],
+            "ceiling": verdict.get("ceiling"),
+            "comparisons": {"tables": first},
+        }
+
+
+def _named_lines(paths: list[Path]) -> Iterator[dict]:
+    for line in lines_of(paths):
+        yield line if "name" in line else line | {"name": f"bank {line['seed']}"}
+
+
+def compare(cases: Iterable[Case], errors: float, rule: Rule) -> str:
+    """The two tables in Markdown."""
+    counts: Counter = Counter()
+    differing = []
+    for case in cases:
+        old, new = by_rule(case.table, rule), by_likelihood(case.table, errors, rule)
+        ends = old.outcome(case.missing), new.outcome(case.missing)
+        counts.update([(case.stratum, "rule", ends[0]), (case.stratum, "likelihood", ends[1])])
+        if old.name != new.name:
+            hidden = ", ".join(case.missing) or "nothing"
+            said = [f"{choice.name or ''} ({end})" for choice, end in zip((old, new), ends, strict=True)]
+            differing.append(f"| {case.name} | {hidden} | {case.verdict} | {said[0]} | {said[1]} |")
+    lines = [f"| stratum | decided by | {' | '.join(OUTCOMES)} |", "|---|---|" + "---|" * len(OUTCOMES)]
+    for stratum in dict.fromkeys(key[0] for key in sorted(counts)):
+        for how in ("rule", "likelihood"):
+            numbers = " | ".join(str(counts[stratum, how, end]) for end in OUTCOMES)
+            lines.append(f"| {stratum} | {how} | {numbers} |")
+    head = [
+        "",
+        "| case | hidden | verdict | first name by the rule | by likelihood |",
+        "|---|---|---|---|---|",
+    ]
+    return "\n".join([*lines, *head, *differing])
+
+
+def main() -> None:
+    """Run one of the verbs."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.likelihood",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    collect = verbs.add_parser("collect")
+    collect.add_argument("batch", type=Path)
+    collect.add_argument(
+        "--out", type=Path, required=True, help="a file to write, packed where it ends in .gz"
+    )
+    against = verbs.add_parser("compare")
+    against.add_argument("files", type=Path, nargs="+")
+    against.add_argument("--errors", type=float, default=3.0)
+    options = parser.parse_args()
+    if options.verb == "compare":
+        sys.stdout.write(compare(cases_of(_named_lines(options.files)), options.errors, Rule()) + "\n")
+        return
+    opened = gzip.open if options.out.suffix == ".gz" else open
+    with opened(options.out, "wt", encoding="utf-8") as file:
+        for line in collected(options.batch):
+            file.write(json.dumps(line) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Names by likelihood alone, against those of the rule, on stored tables."""
+
+import json
+
+import pytest
+from helpers_rule import row, table
+
+pytest.importorskip("numba")
+
+from benchmarks import likelihood
+from benchmarks.concealed.seal import close, digest_of_case
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import Lead, table_json
+
+RULE = Rule()
+
+
+def _row(effect, fit, held_out, shares=(0.9, 0.9), clusters=100):
+    leads = {"fit": Lead(fit, 10.0, clusters), "held_out": Lead(held_out, 10.0, clusters)}
+    return row(shares, effect=effect, **leads)
+
+
+def test_the_likelier_one_is_named_whatever_it_explains():
+    small = table(_row("delay", 50.0, 45.0, (0.2, 0.2)), _row("creep", 90.0, 31.0, (0.1, 0.1)), lead=-9.0)
+    assert likelihood.by_rule(small, RULE).name is None
+    assert likelihood.by_likelihood(small, 3.0, RULE) == likelihood.Choice("creep")
+    # Nothing of a candidate was determined by the held-out recordings: there it must be clear, too.
+    assert likelihood.by_likelihood(small, 4.0, RULE) == likelihood.Choice("delay")
+    assert likelihood.by_likelihood(small, 5.0, RULE) == likelihood.Choice(None)
+
+
+def test_what_does_not_trail_clearly_is_of_the_class():
+    close_by = table(_row("delay", 50.0, 50.0), _row("drive_lag", 49.0, 50.0), lead=1.0)
+    found = likelihood.by_likelihood(close_by, 3.0, RULE)
+    assert found == likelihood.Choice("delay", ("drive_lag",))
+    assert [found.outcome(hidden) for hidden in (("delay",), ("drive_lag",), ("creep",))] == [
+        "right",
+        "class",
+        "other",
+    ]
+    assert likelihood.Choice(None).outcome(()) == "none"
+
+
+def test_without_clusters_nothing_is_sure():
+    assert likelihood.by_likelihood(table(_row("delay", 90.0, 90.0, clusters=3)), 3.0, RULE).name is None
+
+
+def test_both_are_counted_and_where_they_differ_is_listed():
+    small = table(_row("delay", 50.0, 45.0, (0.2, 0.2)))
+    content = {"comparisons": {"tables": [table_json(small)]}, "verdict": "unknown"}
+    lines = [
+        {"name": "a", "missing": ["delay"], **content},
+        {"name": "b", "missing": [], **content},
+        {"name": "c", "missing": ["x"], "stratum": "outside", **content, "comparisons": {"tables": []}},
+    ]
+    cases = list(likelihood.cases_of(lines))
+    assert [case.stratum for case in cases] == ["one", "nothing"]
+    text = likelihood.compare(cases, 3.0, RULE)
+    assert "| one | rule | 0 | 0 | 0 | 1 |" in text and "| one | likelihood | 1 | 0 | 0 | 0 |" in text
+    assert "| nothing | likelihood | 0 | 0 | 1 | 0 |" in text
+    assert "| a | delay | unknown |  (none) | delay (right) |" in text
+
+
+def test_solved_cases_of_a_batch_become_lines(tmp_path):
+    own = {"stratum": "confusable", "missing": ["delay"], "strength": "weak", "families": "joint"}
+    stored = {"rule": {}, "rounds": 3, "tables": [table_json(table(_row("delay", 50.0, 45.0)))] * 2}
+    said = {"verdict": "named", "missing": [{"effect": "delay"}], "comparisons": stored}
+    solved = tmp_path / "solved" / "case_001"
+    solved.mkdir(parents=True)
+    (solved / "verdict.json").write_text(json.dumps(said))
+    for name in ("case_001", "case_002"):  # the second one is not solved yet
+        (tmp_path / "cases" / name).mkdir(parents=True)
+        (tmp_path / "cases" / name / "case.toml").write_text(name)
+    cases = {
+        name: own | {"files": digest_of_case(tmp_path / "cases" / name)} for name in ("case_001", "case_002")
+    }
+    close(tmp_path, {"seed": 7, "cases": cases})
+    (line,) = likelihood.collected(tmp_path)
+    assert (line["name"], line["stratum"], line["named"]) == ("7 case_001", "one", ["delay"])
+    (case,) = likelihood.cases_of([line])
+    assert likelihood.by_rule(case.table, RULE).name == "delay"
