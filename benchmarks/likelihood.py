@@ -1,4 +1,4 @@
-"""`python -m benchmarks.likelihood`: the name by likelihood alone, against the name by today's rule.
+"""`python -m benchmarks.likelihood`: the first name by likelihood alone, against that by shares of the misfit.
 
     python -m benchmarks.likelihood collect BATCH --out FILE
     python -m benchmarks.likelihood compare [--errors 3] FILE ...
@@ -7,7 +7,8 @@
 said, and the table of the first round. `compare` decides from such lines, and from those of the bank that have tables,
 which candidate is accepted first, by two rules:
 
-- today's: shares of the misfit above the floor, the p-value of the score test, leads, distance from the noise;
+- by shares: the rule until commit 5bf98cf, of shares of the misfit above the floor, the p-value of the score test,
+  leads and distance from the noise, with nine numbers;
 - by likelihood alone: the candidate with the largest gain of the log-likelihood over all recordings among those whose
   gain is more than so many standard errors on the fitted and on the held-out recordings, which determined nothing of
   it (a split likelihood ratio, over clusters of 0.5 s). No other number enters.
@@ -29,10 +30,15 @@ from benchmarks.concealed.seal import open_seal
 from benchmarks.concealed.solve import SOLVED, VERDICT
 from benchmarks.replay import lines_of
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.acceptance import choose
-from frictionjax.diagnosis.table import Comparison, Table, table_of
+from frictionjax.diagnosis.selection.acceptance import ranked
+from frictionjax.diagnosis.table import Comparison, Gains, Table, table_of, whole_misfits, within
 
 OUTCOMES = ("right", "class", "other", "none")
+
+# The numbers of the rule by shares, as they were.
+LEAST_SHARE, LEAST_ENERGY, FAR_FROM_NOISE = 0.45, 0.8, 0.8
+SIGNIFICANCE, LEAD_HOLDOUT, LEAD_BOTH, DECISIVE_SHARE = 1e-3, 2.0, 6.0, 0.6
+BEHIND_BEST, ALIKE = 0.5, 0.03
 
 
 class Case(NamedTuple):
@@ -61,10 +67,49 @@ class Choice(NamedTuple):
         return "class" if set(self.rivals) & set(missing) else "other"
 
 
-def by_rule(table: Table, rule: Rule) -> Choice:
-    """What today's `rule` accepts first."""
-    found = choose(table, rule)
-    return Choice(None) if found.accepted is None else Choice(found.row.effect, found.rivals)
+def by_shares(table: Table, rule: Rule) -> Choice:
+    """What shares of the misfit accept first; the `rule` says what it says in both."""
+
+    def gains(row: Comparison) -> Gains:
+        return row.gains(rule)
+
+    def clear(row: Comparison) -> bool:
+        own = gains(row)
+        leads = own.lead_holdout > LEAD_HOLDOUT and own.lead_fit + own.lead_holdout > LEAD_BOTH
+        adequate = rule.limits.adequate
+        wholes = whole_misfits(row.misfits_before, rule)
+        left = max(w * (1.0 - s) for w, s in zip(wholes, (own.share_fit, own.share_holdout), strict=True))
+        before = within(row.misfits_before, row.misfit_errors, adequate, rule)
+        removes = not before[1] and (left < adequate or own.share > DECISIVE_SHARE)
+        return row.p_value <= SIGNIFICANCE or leads or removes
+
+    def acceptable(row: Comparison) -> bool:
+        own = gains(row)
+        if not own.repeats or own.lead_fit < 0.0 or not clear(row):
+            return False
+        far = min(row.misfits_before) > FAR_FROM_NOISE and own.energy > LEAST_ENERGY and own.share > 0.0
+        return own.share > LEAST_SHARE or row.makes_credible or far
+
+    order = ranked(table, rule)
+    worth = [gains(row).worth for row in table.rows]
+    most = max(worth, default=0.0)
+    may = [row for row in order if worth[row] > most - BEHIND_BEST and acceptable(table.rows[row])]
+    if not may:
+        return Choice(None)
+    alike = [row for row in may if worth[row] > worth[may[0]] - ALIKE]
+    total = [row.fit.total + row.held_out.total for row in table.rows]
+    return _choice(table, min(alike, key=lambda row: (table.rows[row].free, -total[row])), may, rule)
+
+
+def _choice(table: Table, best: int, able: list[int], rule: Rule) -> Choice:
+    """The row `best` of the `table`, and those of the `able` that the `rule` does not tell from it."""
+    name = table.rows[best].effect
+    rivals = {
+        table.rows[other].effect
+        for other in able
+        if table.rows[other].effect != name and table.lead(best, other, rule) < rule.rivals.lead
+    }
+    return Choice(name, tuple(sorted(rivals)))
 
 
 def by_likelihood(table: Table, errors: float, rule: Rule) -> Choice:
@@ -78,13 +123,7 @@ def by_likelihood(table: Table, errors: float, rule: Rule) -> Choice:
     if not able:
         return Choice(None)
     best = max(able, key=lambda number: table.rows[number].fit.total + table.rows[number].held_out.total)
-    name = table.rows[best].effect
-    rivals = {
-        table.rows[other].effect
-        for other in able
-        if table.rows[other].effect != name and table.lead(best, other, rule) < rule.rivals.lead
-    }
-    return Choice(name, tuple(sorted(rivals)))
+    return _choice(table, best, able, rule)
 
 
 def cases_of(lines: Iterable[dict]) -> Iterator[Case]:
@@ -132,21 +171,21 @@ def compare(cases: Iterable[Case], errors: float, rule: Rule) -> str:
     counts: Counter = Counter()
     differing = []
     for case in cases:
-        old, new = by_rule(case.table, rule), by_likelihood(case.table, errors, rule)
+        old, new = by_shares(case.table, rule), by_likelihood(case.table, errors, rule)
         ends = old.outcome(case.missing), new.outcome(case.missing)
-        counts.update([(case.stratum, "rule", ends[0]), (case.stratum, "likelihood", ends[1])])
+        counts.update([(case.stratum, "shares", ends[0]), (case.stratum, "likelihood", ends[1])])
         if old.name != new.name:
             hidden = ", ".join(case.missing) or "nothing"
             said = [f"{choice.name or ''} ({end})" for choice, end in zip((old, new), ends, strict=True)]
             differing.append(f"| {case.name} | {hidden} | {case.verdict} | {said[0]} | {said[1]} |")
     lines = [f"| stratum | decided by | {' | '.join(OUTCOMES)} |", "|---|---|" + "---|" * len(OUTCOMES)]
     for stratum in dict.fromkeys(key[0] for key in sorted(counts)):
-        for how in ("rule", "likelihood"):
+        for how in ("shares", "likelihood"):
             numbers = " | ".join(str(counts[stratum, how, end]) for end in OUTCOMES)
             lines.append(f"| {stratum} | {how} | {numbers} |")
     head = [
         "",
-        "| case | hidden | verdict | first name by the rule | by likelihood |",
+        "| case | hidden | verdict | first name by shares | by likelihood |",
         "|---|---|---|---|---|",
     ]
     return "\n".join([*lines, *head, *differing])

@@ -81,7 +81,7 @@ def decided(side: Side, rule: Rule) -> Decision:
     stored = side.comparisons
     if stored is None:
         raise NotStored("the line has no table")
-    made_by = rule_of(stored["rule"])
+    made_by = rule_of(stored["rule"], old=True)
     tables = [table_of(content) for content in stored["tables"]]
     return decide(StoredTables(tables, made_by, rule), rule, stored["rounds"])
 
@@ -95,8 +95,9 @@ def outcome(side: Side, decision: Decision) -> str:
     return "class" if set(side.missing) & set(decision.classes[0]) else "other name"
 
 
-def rule_of(content: dict[str, Any]) -> Rule:
-    """The rule with the numbers of the `content`, by group or by full name; the others are those of today."""
+def rule_of(content: dict[str, Any], *, old: bool = False) -> Rule:
+    """The rule with the numbers of the `content`, by group or by full name; the others are those of today. Of an `old`
+    rule, those are left out that there are no more."""
     numbers = {}
     for name, value in content.items():
         own = (
@@ -105,7 +106,8 @@ def rule_of(content: dict[str, Any]) -> Rule:
             else {name: value}
         )
         numbers |= own
-    return Rule().changed(numbers)
+    known = Rule().numbers()
+    return Rule().changed({name: value for name, value in numbers.items() if name in known or not old})
 
 
 class Score(NamedTuple):

@@ -155,6 +155,11 @@ class Table:
     excused: bool = False
     imposed: bool = False
 
+    @property
+    def is_first(self) -> bool:
+        """Whether it holds the candidates for the first name."""
+        return self.asked[:2] == ("candidates", "0")
+
     def lead(self, row: int, other: int, rule: Rule) -> float:
         """By how many standard errors the candidate `row` leads the `other` one over all recordings, by the `rule`."""
         for first, second, lead in self.between:

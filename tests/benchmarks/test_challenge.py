@@ -166,7 +166,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["diagnosis.rule.accept.significance"] == [1e-3]
+    assert began["thresholds"]["diagnosis.rule.accept.lead"] == [2.0]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 

@@ -1,4 +1,4 @@
-"""Names by likelihood alone, against those of the rule, on stored tables."""
+"""Names by likelihood alone, against those by shares of the misfit, on stored tables."""
 
 import json
 
@@ -22,7 +22,7 @@ def _row(effect, fit, held_out, shares=(0.9, 0.9), clusters=100):
 
 def test_the_likelier_one_is_named_whatever_it_explains():
     small = table(_row("delay", 50.0, 45.0, (0.2, 0.2)), _row("creep", 90.0, 31.0, (0.1, 0.1)), lead=-9.0)
-    assert likelihood.by_rule(small, RULE).name is None
+    assert likelihood.by_shares(small, RULE).name is None
     assert likelihood.by_likelihood(small, 3.0, RULE) == likelihood.Choice("creep")
     # Nothing of a candidate was determined by the held-out recordings: there it must be clear, too.
     assert likelihood.by_likelihood(small, 4.0, RULE) == likelihood.Choice("delay")
@@ -56,7 +56,7 @@ def test_both_are_counted_and_where_they_differ_is_listed():
     cases = list(likelihood.cases_of(lines))
     assert [case.stratum for case in cases] == ["one", "nothing"]
     text = likelihood.compare(cases, 3.0, RULE)
-    assert "| one | rule | 0 | 0 | 0 | 1 |" in text and "| one | likelihood | 1 | 0 | 0 | 0 |" in text
+    assert "| one | shares | 0 | 0 | 0 | 1 |" in text and "| one | likelihood | 1 | 0 | 0 | 0 |" in text
     assert "| nothing | likelihood | 0 | 0 | 1 | 0 |" in text
     assert "| a | delay | unknown |  (none) | delay (right) |" in text
 
@@ -78,4 +78,4 @@ def test_solved_cases_of_a_batch_become_lines(tmp_path):
     (line,) = likelihood.collected(tmp_path)
     assert (line["name"], line["stratum"], line["named"]) == ("7 case_001", "one", ["delay"])
     (case,) = likelihood.cases_of([line])
-    assert likelihood.by_rule(case.table, RULE).name == "delay"
+    assert likelihood.by_shares(case.table, RULE).name == "delay"

@@ -22,7 +22,6 @@ from scipy.stats import binom
 from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.refitting import shortlist
 from frictionjax.diagnosis.refitting.shortlist import short_list
-from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import _score_test, forms_to_try, try_form
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
@@ -83,7 +82,7 @@ def test_many_tries_of_one_effect_are_paid_for():
     assert effect_p_values(trials) == pytest.approx({"a": 0.02, "b": 1.0})
 
 
-SIGNIFICANCE = Rule().accept.significance
+SIGNIFICANCE = 1e-3
 GAIN = Effort(screening=Screening(least_gain=0.002))
 
 

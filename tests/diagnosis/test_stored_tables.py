@@ -48,18 +48,19 @@ def test_an_effect_that_explains_all_is_named_from_its_table_alone():
     assert _search(twins).classes == (("delay", "drive_lag"),)
 
 
-def test_of_two_that_explain_alike_the_likelier_one_is_named():
-    """Unless it has more parameters, or the other one explains more than they differ by in what counts as alike."""
+def test_the_likelier_one_is_named_whatever_it_explains():
+    """Unless it gains less than one nat for each parameter that it has more."""
     lag, delay = (
         {"effect": name, "fit": Lead(gain, 10.0, 100)} for name, gain in (("lag", 90.0), ("delay", 95.0))
     )
     for shares, free, named in (
         ((0.98, 0.98), 0, "delay"),
-        ((0.98, 0.98), 1, "lag"),
-        ((0.96, 0.96), 0, "lag"),
+        ((0.5, 0.5), 0, "delay"),
+        ((0.98, 0.98), 6, "lag"),
     ):
         both = table(row((0.99, 0.99), **lag), row(shares, free=free, **delay), lead=-1.0)
-        found = _search(both)
+        whole = table(row((0.99, 0.99)), key="t1", asked=("whole", f"t0.{int(named == 'delay')}", "t0"))
+        found = _search(both, whole)
         assert found.names == (named,) and set(found.classes[0]) == {"lag", "delay"}
 
 
@@ -125,7 +126,7 @@ def test_a_second_effect_is_looked_up_beside_the_first():
     assert _search(first, second, *ends, rule=RULE.changed({"limits.adequate": 0.2})).names == (
         "constant_load",
     )
-    strict = RULE.changed({"accept.least_share": 0.7, "accept.promising": 3.0})
+    strict = RULE.changed({"accept.lead": 1e9})
     assert _search(first, second, *ends, rule=strict).verdict == "unknown"
 
 
@@ -149,7 +150,7 @@ def _again(two_effects, rule):
 
 
 def test_stored_tables_decide_as_the_refits_did(two_effects):
-    """Two effects neither of which is acceptable alone: to the last bit."""
+    """Two effects neither of which explains enough alone: to the last bit."""
     found = _again(two_effects, RULE)
     assert list(found.names) == two_effects["names"] == ["constant_load", "drive_lag"]
     assert (found.verdict, found.share) == (two_effects["verdict"], two_effects["share"])
@@ -157,10 +158,9 @@ def test_stored_tables_decide_as_the_refits_did(two_effects):
 
 
 def test_another_rule_goes_other_ways_on_the_same_tables(two_effects):
-    # The first is acceptable alone, and the second is found beside it.
     eager = _again(two_effects, RULE.changed({"accept.least_share": 0.4}))
     assert list(eager.names) == two_effects["names"]
-    assert _again(two_effects, RULE.changed({"accept.promising": 1.5})).names == ()
+    assert _again(two_effects, RULE.changed({"accept.lead": 1e9})).names == ()
 
 
 def test_a_lead_without_clusters_is_none():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers_diagnosis import fake_recording
 from helpers_plants import TABLE_I
+from helpers_rule import candidate, table
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.diagnose import _unexplained
@@ -13,11 +14,10 @@ from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.missing import missing_effects
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.acceptance import acceptable
 from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, evidence_of
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import most_left, verdict_of
-from frictionjax.diagnosis.table import Comparison, Lead, Table
+from frictionjax.diagnosis.table import Comparison, Lead
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
@@ -27,34 +27,14 @@ BINS = (
     MismatchBin("regime", "sliding", 0.8, 30.0, 1.2, 9000),
 )
 RULE = Rule()
-ADEQUATE, LEAST_SHARE, SIGNIFICANCE = (
-    RULE.limits.adequate,
-    RULE.accept.least_share,
-    RULE.accept.significance,
-)
-
-
-def _row(
-    shares=(0.0, 0.0), *, before=(0.4, 0.4), energies=(0.0, 0.0), leads=(3.0, 3.0), p_value=1e-6, **more
-):
-    """A candidate that explains these `shares` of the misfits `before`, on fitted and on held-out recordings."""
-    whole = [max(misfit, ADEQUATE if max(before) > ADEQUATE else 0.0) for misfit in before]
-    after = tuple(misfit * (1.0 - share) for misfit, share in zip(whole, shares, strict=True))
-    fit, held = (Lead(lead, 1.0, 100) for lead in leads)
-    known = {"before": (), "after": ("Form",), "effect": "effect 0", "form": "Form", "exact": (False,)}
-    known |= {"misfit_errors": (0.0, 0.0), "energies": energies, "fit": fit, "held_out": held}
-    return Comparison(misfits_before=before, misfits_after=after, p_value=p_value, **(known | more))
-
-
-def _table(*rows, misfits=(0.4, 0.4), **more):
-    return Table("t0", ("candidates", "0"), (), misfits, (0.0, 0.0), False, rows, **more)
+LEAST_SHARE = RULE.accept.least_share
 
 
 def _verdict(before, *after, one_law=False, **more):
     """The verdict on rounds each of which accepts a model with the next misfits, and the last nothing; what is accepted
     has `one_law`, or not."""
     if not after:
-        return verdict_of([Round(_table(misfits=before), None, **more)], None)
+        return verdict_of([Round(table(misfits=before), None, **more)], None)
     whole = Comparison(
         before=(),
         after=("Form",) * len(after),
@@ -68,7 +48,7 @@ def _verdict(before, *after, one_law=False, **more):
         fit=Lead(9.0, 1.0, 100),
         held_out=Lead(9.0, 1.0, 100),
     )
-    return verdict_of([Round(_table(_row()), 0)], whole)
+    return verdict_of([Round(table(candidate()), 0)], whole)
 
 
 def test_a_base_model_at_the_noise_is_adequate():
@@ -127,35 +107,6 @@ def test_two_effects_explain_together():
     assert left == (False, pytest.approx(0.004 / 0.3))
 
 
-def test_what_brings_held_out_recordings_to_the_noise_is_significant():
-    """Two seconds of fast motion in a minute have few clusters to be tested in."""
-    weak = {"p_value": 10.0 * SIGNIFICANCE, "leads": (0.5, 0.5)}
-
-    def may(fit, held, before=(0.05, 0.05), **more):
-        return acceptable(_row((fit, held), before=before, **weak, **more), RULE)[0]
-
-    assert may(0.9, 0.95)
-    assert may(0.5, 0.95, (0.002, 0.05))
-    # Most of the way is enough, too.
-    assert may(0.9, 0.65)
-    # Not what leaves much, nor what only the fitted recordings show.
-    for shares in ((0.9, 0.55), (0.55, 0.7)):
-        assert not may(*shares)
-    assert not may(0.95, 0.9, (0.05, 0.005))
-    # Nor what chance may have raised above the noise in a short recording.
-    assert may(0.95, 0.9, (0.05, 0.018))
-    assert not may(0.95, 0.9, (0.05, 0.018), misfit_errors=(0.01, 0.01))
-
-
-@pytest.mark.parametrize("p_value", [1e-9, 1.0])
-def test_what_the_fitted_recordings_do_not_ask_for_is_not_named(p_value):
-    """Of a misfit below the floor a share is no number to go by: held-out recordings alone would name it."""
-    shares, known = (1.73, 0.83), {"before": (-0.0076, 0.063), "p_value": p_value}
-    assert acceptable(_row(shares, leads=(2.1, 3.0), **known), RULE)[0]
-    may, why = acceptable(_row(shares, leads=(-2.1, 3.0), **known), RULE)
-    assert not may and "fitted" in why
-
-
 @pytest.mark.parametrize("holdout", [0.25, 0.31])
 def test_what_fails_on_held_out_recordings_is_not_named(holdout):
     verdict, left = _verdict((0.4, 0.3), (0.01, holdout))
@@ -180,7 +131,7 @@ def test_held_out_recordings_alone_can_tell_that_something_is_missing():
 
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
-    residual = SimpleNamespace(variable="velocity", helps=helps, gains=_row((0.5, 0.4)).gains(RULE))
+    residual = SimpleNamespace(variable="velocity", helps=helps, gains=candidate((0.5, 0.4)).gains(RULE))
     found = _unexplained("unknown", (True, 1.0), BINS, residual)
     if helps:
         assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
@@ -190,11 +141,11 @@ def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
 
 def test_evidence_of_two_effects():
     """The whole, and each effect where it was found."""
-    first = _row((0.5, 0.6), before=(0.4, 0.3))
-    second = _row((0.9, 0.75), before=(0.2, 0.12))
-    other = _row((0.2, 0.1), before=(0.2, 0.12), effect="another")
-    whole = _row((0.95, 0.9), before=(0.4, 0.3), energies=(0.97, 0.92))
-    chain = [Round(_table(first), 0), Round(_table(other, second), 1), Round(_table(), None)]
+    first = candidate((0.5, 0.6), before=(0.4, 0.3))
+    second = candidate((0.9, 0.75), before=(0.2, 0.12))
+    other = candidate((0.2, 0.1), before=(0.2, 0.12), effect="another")
+    whole = candidate((0.95, 0.9), before=(0.4, 0.3), energies=(0.97, 0.92))
+    chain = [Round(table(first), 0), Round(table(other, second), 1), Round(table(), None)]
     one, two = evidence_of(chain, whole)
     assert one.whole == two.whole == pytest.approx(0.9)
     assert one.own == pytest.approx(0.5) and two.own == pytest.approx(0.75)
@@ -210,50 +161,6 @@ def test_confidence_is_the_logistic_of_its_features():
     # More of anything makes no name less likely; nothing is certain.
     assert Evidence(0.9, 0.75, 0.5, 0.9).confidence >= Evidence(0.8, 0.75, 0.5, 0.9).confidence
     assert Evidence(1.3, 1.2, 9.0, 2.0).confidence < 1.0 and Evidence(-2.0, -1.0, -1.0, 0.0).confidence > 0.0
-
-
-def test_a_candidate_must_explain_fit_and_held_out_recordings():
-    assert acceptable(_row((0.9, 0.8)), RULE) == (True, "")
-    enough = LEAST_SHARE + 0.01
-    assert acceptable(_row((enough, enough)), RULE)[0]
-    for shares in ((0.9, LEAST_SHARE - 0.01), (LEAST_SHARE - 0.01, 0.9), (0.9, -0.5)):
-        accepted, reason = acceptable(_row(shares), RULE)
-        assert not accepted
-        expected = f"({100 * shares[0]:.0f} % on the fit, {100 * shares[1]:.0f} % on the held-out recordings)"
-        assert reason == f"explains too little {expected}"
-
-
-def test_a_candidate_must_be_significant():
-    weak = 10.0 * SIGNIFICANCE
-    assert acceptable(_row((0.9, 0.55), p_value=weak, leads=(3.0, 2.9)), RULE) == (
-        False,
-        "not significant (p = 0.01)",
-    )
-    # In short recordings a refit that leads clearly, here and on what it never saw, is evidence enough.
-    for leads, enough in (((4.5, 2.5), True), ((3.4, 2.9), True), ((9.0, 1.5), False), ((3.0, 2.5), False)):
-        assert acceptable(_row((0.9, 0.55), p_value=weak, leads=leads), RULE)[0] == enough
-
-
-def test_what_is_periodic_must_be_seen_to_repeat():
-    for wave, enough in (
-        ((0.9, False), False),
-        ((1.1, False), True),
-        ((1.9, True), False),
-        ((2.1, True), True),
-    ):
-        may, why = acceptable(_row((0.95, 0.95), waves=(wave,)), RULE)
-        assert may == enough
-        assert why == ("" if enough else "its period is too long to be seen to repeat along the stroke")
-
-
-def test_far_from_the_noise_a_share_of_the_power_is_enough():
-    def may(shares, energies, before=(2.0, 1.5)):
-        return acceptable(_row(shares, energies=energies, before=before), RULE)[0]
-
-    assert may((0.1, 0.08), (0.9, 0.85))
-    assert not may((0.1, 0.08), (0.9, 0.85), (0.4, 1.5))
-    assert not may((0.1, -0.01), (0.9, 0.85))
-    assert not may((0.1, 0.08), (0.9, 0.6))
 
 
 def _missing_effect(effect="delay", effect_class=("delay",), sentence="a pure delay between input and force"):
@@ -345,6 +252,26 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     assert missing_effects([alone], weights, extended, ["stick"], {})[0].split_by == ""
 
 
+def test_an_effect_that_kept_its_place_is_reported_with_its_own_parameters():
+    """Compared again beside a later one, it is not the last of the drive."""
+    delay, load = (catalogue()[name][0] for name in ("delay", "constant_load"))
+    drive = TABLE_I.with_effects(delay(), load())
+    posterior = SimpleNamespace(layout=effect_layout(drive, {"dt": 1e-3, "Fc": 1.0}), drive=drive)
+    refits = [SimpleNamespace(effect=form.name, trial=_trial(form)) for form in (delay, load)]
+    steps = [
+        SimpleNamespace(
+            accepted=SimpleNamespace(**vars(one), model=SimpleNamespace(posterior=posterior)),
+            rivals=(),
+            trials=[one.trial],
+        )
+        for one in refits
+    ]
+    extended = {"delay": Estimate(1e-3, 1e-5, "s"), "load": Estimate(2.0, 0.1, "N")}
+    found = missing_effects(steps, [Evidence(0.9, 0.8, 0.5, 0.95)] * 2, extended, ["stick"] * 2, {})
+    assert [one.parameters for one in found] == [{name: extended[name]} for name in ("delay", "load")]
+    assert [one.sentence for one in found] == [form.about.sentence for form in (delay, load)]
+
+
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     delay, load, ripple, pendulum = (
         catalogue()[name][0] for name in ("delay", "constant_load", "ripple", "gravity_pendulum")
@@ -362,8 +289,9 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
         rivals=(),
         trials=trials,
         refits=[accepted, refused],
-        compared=[_row((0.9, 0.8)), _row((0.2, 0.0))],
+        compared=[candidate((0.9, 0.8)), candidate((0.2, 0.0))],
         dropped="",
+        least_share=LEAST_SHARE,
     )
     units = {"force": "N*m", "position": "rad", "input": "V"}
     rows = candidates([step], units, {"gravity_pendulum": "the position is no angle"})
@@ -374,7 +302,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert (by_name["delay"].gain_fit, by_name["delay"].gain_holdout) == pytest.approx((0.9, 0.8))
     assert by_name["constant_load"].reason.startswith("explains too little")
     assert by_name["constant_load"].units == {"load": "N*m"}
-    assert by_name["ripple"].reason == "gains nothing"
+    assert by_name["ripple"].reason == "its first step gains too little for a refit"
     assert by_name["ripple"].p_value == pytest.approx(0.8)
     assert not by_name["maxwell_slip"].tested
     assert by_name["maxwell_slip"].reason == "the recordings hold no motion that would show it"
@@ -382,7 +310,7 @@ def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     assert by_name["gravity_pendulum"].reason == "the position is no angle"
     # What would have been accepted later, but was not, says why; what is named does not.
     later = SimpleNamespace(
-        **vars(step) | {"accepted": None, "compared": [_row((0.9, 0.8))] * 2, "dropped": "too late"}
+        **vars(step) | {"accepted": None, "compared": [candidate((0.9, 0.8))] * 2, "dropped": "too late"}
     )
     by_name = {row.effect: row for row in candidates([step, later], units, {})}
     assert by_name["constant_load"].reason == "too late"

@@ -49,14 +49,10 @@ def _row(name: str, steps: list[Step], units: dict[str, str], why_not: str, rule
     elif why_not:
         reason = why_not
     elif best is not None:
-        refused = acceptable(best, rule)[1]
+        refused = acceptable(best, rule, least_share=step.least_share)[1]
         reason = refused or step.dropped or "another effect explains the same better"
     else:
-        reason = (
-            "gains nothing"
-            if p_value > rule.accept.significance
-            else "significant, but gains too little to matter"
-        )
+        reason = "its first step gains too little for a refit"
     return Candidate(
         effect=name,
         p_value=p_value,

@@ -38,7 +38,10 @@ def missing_effects(
         if found is None:
             continue
         posterior = found.model.posterior
-        effect, prefix = posterior.drive.effects[-1], f"effects.{len(posterior.drive.effects) - 1}."
+        # Not always the last one: where it kept its place beside what came later, the order is that of both.
+        names = [effect.name for effect in posterior.drive.effects]
+        place_in_drive = names.index(found.effect)
+        effect, prefix = posterior.drive.effects[place_in_drive], f"effects.{place_in_drive}."
         parameters = {
             p.parameter.name: extended[p.label] for p in posterior.layout if p.path.startswith(prefix)
         }

@@ -2,60 +2,62 @@
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
-from frictionjax.diagnosis.table import Comparison, Table, whole_misfits, within
+from frictionjax.diagnosis.table import Comparison, Lead, Table, whole_misfits, within
 
 _NOT_COMPLETE = "the named effects explain nearly all; this one explains too little of the rest"
 
 
-def acceptable(row: Comparison, rule: Rule) -> tuple[bool, str]:
-    """Whether the candidate of a `row` may be named by the `rule`, and if not, why not.
+def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:
+    """Whether the candidate of a `row` may enter the model by the `rule`, and if not, why not.
 
-    Where its score test is not significant, a clear lead of the refit is, and so is a refit that brings the held-out
-    recordings, which no fit used, to the noise or most of the way there: what acts in a few seconds of many has few
-    clusters to be tested in. What is periodic along the stroke must be recorded to repeat in it. What the fitted
-    recordings do not ask for is not named, though held-out ones be predicted better with it: that is where their own
-    deflections came to rest.
+    The model with it must be clearly likelier, on the recordings that it was fitted to and on the held-out ones, which
+    determined nothing of it. What is periodic along the stroke must be recorded to repeat in it. Beside other names, or
+    where the model without it is adequate, it must explain at least a `least_share` of the misfit.
     """
-    gains, limits = row.gains(rule), rule.accept
+    gains = row.gains(rule)
     if not gains.repeats:
         return False, "its period is too long to be seen to repeat along the stroke"
-    if gains.lead_fit < 0.0:
-        return False, "the recordings that it is fitted to are explained no better with it"
-    if not clear(row, rule):
-        return False, f"not significant (p = {row.p_value:.2g})"
-    if gains.share > limits.least_share or row.makes_credible:
-        return True, ""
-    if far_from_noise(row, rule) and gains.energy > limits.least_energy and gains.share > 0.0:
+    if not likelier(row, rule):
+        said = ", ".join(
+            f"{_nats(lead)} on the {where}"
+            for lead, where in ((row.fit, "fit"), (row.held_out, "held-out recordings"))
+        )
+        return False, f"not clearly likelier (log-likelihood {said})"
+    if gains.share > least_share or least_share == 0.0 or row.makes_credible:
         return True, ""
     explained = f"{100 * gains.share_fit:.0f} % on the fit, {100 * gains.share_holdout:.0f} % on the held-out"
     return False, f"explains too little ({explained} recordings)"
 
 
-def far_from_noise(row: Comparison, rule: Rule) -> bool:
-    """Whether the model without the candidate is so far from the noise that shares of the power count."""
-    return min(row.misfits_before) > rule.accept.far_from_noise
+def _nats(lead: Lead) -> str:
+    return f"{lead.total:+.3g} ± {lead.error:.2g}"
 
 
-def clear(row: Comparison, rule: Rule) -> bool:
-    """Whether chance does not do what the candidate of a `row` does, by the `rule`."""
-    gains, limits = row.gains(rule), rule.accept
-    leads = (
-        gains.lead_holdout > limits.lead_holdout and gains.lead_fit + gains.lead_holdout > limits.lead_both
-    )
-    return row.p_value <= limits.significance or leads or _removes_the_mismatch(row, rule)
+def likelier(row: Comparison, rule: Rule) -> bool:
+    """Whether chance does not do what the candidate of a `row` does, by the `rule`: it leads by so many standard errors
+    on the fitted and on the held-out recordings, or it brings held-out ones to the noise that were not there. What acts
+    in a few seconds of many has few clusters to be tested in."""
+    leads = [lead.in_errors(rule) for lead in (row.fit, row.held_out)]
+    return min(leads) > rule.accept.lead or (leads[0] > 0.0 and _removes_the_mismatch(row, rule))
 
 
 def _removes_the_mismatch(row: Comparison, rule: Rule) -> bool:
-    """Whether the candidate is adequate on fit and held-out recordings, or explains most of the misfit there, and the
-    model without it was not adequate on the held-out ones, which no fit used: by more than chance adds there."""
-    gains, adequate = row.gains(rule), rule.limits.adequate
+    """Whether the model with the candidate is adequate on fit and held-out recordings, and the one without it was not
+    on the held-out ones, by more than chance adds there."""
+    gains, most = row.gains(rule), rule.limits.adequate
     wholes = whole_misfits(row.misfits_before, rule)
     left = [
         whole * (1.0 - share)
         for whole, share in zip(wholes, (gains.share_fit, gains.share_holdout), strict=True)
     ]
-    before = within(row.misfits_before, row.misfit_errors, adequate, rule)
-    return not before[1] and (max(left) < adequate or gains.share > rule.accept.decisive_share)
+    return max(left) < most and not within(row.misfits_before, row.misfit_errors, most, rule)[1]
+
+
+def least_share_of(table: Table, rule: Rule) -> float:
+    """Share of the misfit that a candidate of the `table` must explain, by the `rule`: none where it is the first name
+    of a model that misses something."""
+    adequate = all(within(table.misfits, table.misfit_errors, rule.limits.adequate, rule))
+    return rule.accept.least_share if adequate or not table.is_first else 0.0
 
 
 def ranked(table: Table, rule: Rule) -> list[int]:
@@ -64,27 +66,13 @@ def ranked(table: Table, rule: Rule) -> list[int]:
 
 
 def choose(table: Table, rule: Rule) -> Round:
-    """The round in which the best acceptable candidate of the `table` is accepted, by the `rule`.
-
-    What another candidate explains far better is not accepted, even if that one is refused. Of two that explain alike
-    the one with fewer parameters is: a sine bends to a spring, not the reverse; of those with as many, the likelier one
-    on all recordings.
-    """
-    order = ranked(table, rule)
-    worth = [row.gains(rule).worth for row in table.rows]
-    most = max(worth, default=0.0)
-    may = [
-        row
-        for row in order
-        if worth[row] > most - rule.accept.behind_best and acceptable(table.rows[row], rule)[0]
-    ]
+    """The round in which the likeliest acceptable candidate of the `table` is accepted, by the `rule`: that with the
+    largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike)."""
+    least = least_share_of(table, rule)
+    may = [row for row, own in enumerate(table.rows) if acceptable(own, rule, least_share=least)[0]]
     if not may:
         return Round(table, None)
-    least = worth[may[0]] - rule.accept.alike
-    accepted = min(
-        (row for row in may if worth[row] > least),
-        key=lambda row: (table.rows[row].free, -_gain(table.rows[row])),
-    )
+    accepted = max(may, key=lambda row: gain_of(table.rows[row]))
     name = table.rows[accepted].effect
     rivals = {
         table.rows[row].effect
@@ -94,20 +82,17 @@ def choose(table: Table, rule: Rule) -> Round:
     return Round(table, accepted, tuple(sorted(rivals)))
 
 
-def _gain(row: Comparison) -> float:
-    """Gain of the log-likelihood over the model without the candidate of the `row`, on all recordings."""
-    return row.fit.total + row.held_out.total
+def gain_of(row: Comparison) -> float:
+    """Gain of the log-likelihood on all recordings over the model without the candidate of the `row`, less one for each
+    of its parameters."""
+    return row.fit.total + row.held_out.total - row.free
 
 
-def best_clear(table: Table, rule: Rule) -> int | None:
-    """The best candidate of the `table` that chance does not bring, although it explains too little alone: of two
-    effects of one size neither may explain half. None where no candidate is clear, or promises anything."""
-    for row in ranked(table, rule):
-        gains = table.rows[row].gains(rule)
-        promising = gains.share > 0.0 and gains.worth > rule.accept.promising
-        if promising and clear(table.rows[row], rule):
-            return row
-    return None
+def best_likelier(table: Table, rule: Rule) -> int | None:
+    """The likeliest candidate of the `table` that chance does not bring, although it explains too little alone; None
+    where there is none."""
+    clear = [row for row, own in enumerate(table.rows) if likelier(own, rule) and own.gains(rule).share > 0.0]
+    return max(clear, key=lambda row: gain_of(table.rows[row]), default=None)
 
 
 def only_complete(found: Round, rule: Rule) -> Round:
@@ -115,10 +100,3 @@ def only_complete(found: Round, rule: Rule) -> Round:
     if found.accepted is None or found.row.gains(rule).share > rule.accept.enough_share:
         return found
     return dropping(found, _NOT_COMPLETE)
-
-
-def nearly_all(whole: Comparison, rule: Rule) -> bool:
-    """Whether what was accepted, compared with the base model in `whole`, explains nearly all: of the misfit or, far
-    from the noise, of the power."""
-    gains, enough = whole.gains(rule), rule.accept.enough_share
-    return gains.share > enough or (far_from_noise(whole, rule) and gains.energy > enough)

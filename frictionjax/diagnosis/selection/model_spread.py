@@ -7,7 +7,7 @@ import numpy as np
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.acceptance import clear
+from frictionjax.diagnosis.selection.acceptance import likelier
 from frictionjax.diagnosis.selection.step import Step
 from frictionjax.estimation.parameters import Free, part_of
 from frictionjax.physics import Drive
@@ -58,5 +58,5 @@ def _others(step: Step, rule: Rule) -> list[Drive]:
     return [
         refit.model.judgement.drive
         for refit, row in zip(step.refits, step.compared, strict=True)
-        if row.gains(rule).share > 0.0 and clear(row, rule)
+        if row.gains(rule).share > 0.0 and likelier(row, rule)
     ]

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.refitting.refitted import Refitted, ease
 from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.diagnosis.selection.acceptance import ranked
+from frictionjax.diagnosis.selection.acceptance import least_share_of, ranked
 from frictionjax.diagnosis.selection.candidate_table import Ground, ground_of, table_of_candidates
 from frictionjax.diagnosis.selection.refit_candidates import with_tests
 from frictionjax.diagnosis.selection.round import Round
@@ -229,6 +229,7 @@ class RefittedTables:
             rivals=found.rivals,
             together=found.together,
             dropped=found.dropped,
+            least_share=least_share_of(table, self._rule),
         )
 
     def _floor_of(self, chain: Sequence[Round]) -> np.ndarray | None:

@@ -11,9 +11,8 @@ from typing import Protocol
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import (
     acceptable,
-    best_clear,
+    best_likelier,
     choose,
-    nearly_all,
     only_complete,
 )
 from frictionjax.diagnosis.selection.confidence import Evidence, evidence_of
@@ -113,8 +112,7 @@ class Search:
         first = self._accept(self.tables.candidates(0, ()))
         if self._is_open(first):
             return [dropping(first, _NOT_NEEDED, together=True)]
-        chain = [first] if first.accepted is not None else self._pair(first)
-        return [first] if chain is None else self._add(chain)
+        return [first] if first.accepted is None else self._add([first])
 
     def _accept(self, table: Table) -> Round:
         found = choose(table, self.rule)
@@ -140,27 +138,9 @@ class Search:
                 return False
         return adequate(refitted.misfits_after, refitted.misfit_errors, self.rule)
 
-    def _pair(self, first: Round) -> list[Round] | None:
-        """Two effects neither of which is acceptable alone; or the second, where that was what is missing all along.
-        None where there are none."""
-        if adequate(first.table.misfits, first.table.misfit_errors, self.rule):
-            return None
-        started = self._tentative(first)
-        if started is None:
-            return None
-        second = self._accept(self.tables.candidates(1, [started]))
-        if second.accepted is None:
-            return None
-        both = self.drop([started, second])
-        if both[-1].accepted is None:
-            return None
-        if len(both) > 1 and not nearly_all(self.tables.whole(both), self.rule):
-            return None
-        return self.swap(both)
-
     def _tentative(self, refused: Round) -> Round | None:
-        """The round with its best clear candidate accepted, although it explains too little alone."""
-        row = best_clear(refused.table, self.rule)
+        """The round with its likeliest clear candidate accepted, although it explains too little alone."""
+        row = best_likelier(refused.table, self.rule)
         return None if row is None else self._settled(refused, row)
 
     def _add(self, chain: list[Round]) -> list[Round]:
@@ -198,7 +178,8 @@ class Search:
         """Place of the first effect of the `chain` that is not needed beside the others; None where all are. The one
         accepted last was tested beside the others when it came, and each was significant when it came."""
         for place in range(len(chain) - 1):
-            if not acceptable(self.tables.without(chain, place), self.rule)[0]:
+            least = self.rule.accept.least_share
+            if not acceptable(self.tables.without(chain, place), self.rule, least_share=least)[0]:
                 return place
         return None
 

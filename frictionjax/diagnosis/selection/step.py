@@ -17,7 +17,7 @@ class Step(eqx.Module):
     `before`), `floor` (power of each block), `force` (unmeasured force over Coulomb friction), `accepted` (or None),
     `rivals` (names that the recordings cannot tell from the accepted one), `together` (whether the model without them
     is at the noise everywhere once it is fitted to all recordings), `dropped` (why an effect that might have been
-    accepted was not, after all; "" where none was).
+    accepted was not, after all; "" where none was), `least_share` (of the misfit, that a candidate must explain).
     """
 
     before: Model
@@ -30,3 +30,4 @@ class Step(eqx.Module):
     rivals: tuple[str, ...] = eqx.field(static=True)
     together: bool = eqx.field(static=True, default=False)
     dropped: str = eqx.field(static=True, default="")
+    least_share: float = eqx.field(static=True, default=0.0)
