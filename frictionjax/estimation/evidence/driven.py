@@ -69,7 +69,7 @@ class Observed(AbstractRecordings):
 
     def standardised(self, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Numbers, "rows n"]:
         """Innovations of an observer of `drive`, which starts at `z0` (over Fs/sigma0), over their standard deviation
-        under the sensor's noise alone."""
+        for a perfect model."""
         batch = self.batch
 
         def one(
