@@ -2,10 +2,11 @@
 
     python -m benchmarks.likelihood collect BATCH --out FILE
     python -m benchmarks.likelihood compare [--errors 3] FILE ...
+    python -m benchmarks.likelihood tally FILE ...
 
 `collect` writes a line for each solved case of a revealed batch of `benchmarks.concealed`: what was hidden, what was
-said, and the table of the first round. `compare` decides from such lines, and from those of the bank that have tables,
-which candidate is accepted first, by two rules:
+said, and the table of the first round. `tally` counts what was said in such lines. `compare` decides from them, and
+from those of the bank that have tables, which candidate is accepted first, by two rules:
 
 - by shares: the rule until commit 5bf98cf, of shares of the misfit above the floor, the p-value of the score test,
   leads and distance from the noise, with nine numbers;
@@ -156,6 +157,8 @@ def collected(batch: Path) -> Iterator[dict[str, Any]]:
             "families": own["families"],
             "verdict": verdict["verdict"],
             "named": [missing["effect"] for missing in verdict["missing"]],
+            "classes": [missing["class"] for missing in verdict["missing"]],
+            "seconds": verdict["seconds"].get("total"),
             "ceiling": verdict.get("ceiling"),
             "comparisons": {"tables": first},
         }
@@ -191,6 +194,38 @@ def compare(cases: Iterable[Case], errors: float, rule: Rule) -> str:
     return "\n".join([*lines, *head, *differing])
 
 
+def tally(lines: Iterable[dict]) -> str:
+    """What was said of collected `lines`, by family, in Markdown: nothing hidden and `adequate`; one strong or medium
+    effect, its name right, in the class, another, or none; two effects, how many of them were named; physics outside
+    the catalogue, `unknown`, and given a name in any case. Then the median of the seconds."""
+    lines = list(lines)
+    rows = [
+        "| family | nothing: adequate | one: right, class, other, none | two: named | outside: unknown, with a name |"
+    ]
+    rows += ["|---|---|---|---|---|"]
+    for family in [*sorted({line["families"] for line in lines}), "all"]:
+        own = [line for line in lines if family in (line["families"], "all")]
+        nothing = [line["verdict"] == "adequate" for line in own if line["stratum"] == "nothing"]
+        one = [line for line in own if line["stratum"] == "one" and line["strength"] != "weak"]
+        ends = Counter(_said(line).outcome(tuple(line["missing"])) for line in one)
+        two = [line for line in own if line["stratum"] == "two"]
+        hits = sum(len(set(line["missing"]) & set(line["named"])) for line in two)
+        outside = [line for line in own if line["stratum"] == "outside"]
+        unknown = sum(line["verdict"] == "unknown" for line in outside)
+        named = sum(bool(line["named"]) for line in outside)
+        counts = ", ".join(str(ends[end]) for end in OUTCOMES)
+        rows.append(
+            f"| {family} | {sum(nothing)} of {len(nothing)} | {counts} | {hits} of {2 * len(two)} | "
+            f"{unknown}, {named} of {len(outside)} |"
+        )
+    seconds = sorted(line["seconds"] for line in lines if line.get("seconds"))
+    return "\n".join([*rows, "", f"median {seconds[len(seconds) // 2]:.0f} s" if seconds else ""])
+
+
+def _said(line: dict) -> Choice:
+    return Choice(line["named"][0], tuple(line["classes"][0])) if line["named"] else Choice(None)
+
+
 def main() -> None:
     """Run one of the verbs."""
     parser = argparse.ArgumentParser(
@@ -207,7 +242,11 @@ def main() -> None:
     against = verbs.add_parser("compare")
     against.add_argument("files", type=Path, nargs="+")
     against.add_argument("--errors", type=float, default=3.0)
+    verbs.add_parser("tally").add_argument("files", type=Path, nargs="+")
     options = parser.parse_args()
+    if options.verb == "tally":
+        sys.stdout.write(tally(lines_of(options.files)) + "\n")
+        return
     if options.verb == "compare":
         sys.stdout.write(compare(cases_of(_named_lines(options.files)), options.errors, Rule()) + "\n")
         return

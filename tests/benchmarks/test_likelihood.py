@@ -64,7 +64,8 @@ def test_both_are_counted_and_where_they_differ_is_listed():
 def test_solved_cases_of_a_batch_become_lines(tmp_path):
     own = {"stratum": "confusable", "missing": ["delay"], "strength": "weak", "families": "joint"}
     stored = {"rule": {}, "rounds": 3, "tables": [table_json(table(_row("delay", 50.0, 45.0)))] * 2}
-    said = {"verdict": "named", "missing": [{"effect": "delay"}], "comparisons": stored}
+    found = {"effect": "delay", "class": ["delay", "drive_lag"]}
+    said = {"verdict": "named", "missing": [found], "comparisons": stored, "seconds": {"total": 12.0}}
     solved = tmp_path / "solved" / "case_001"
     solved.mkdir(parents=True)
     (solved / "verdict.json").write_text(json.dumps(said))
@@ -79,3 +80,36 @@ def test_solved_cases_of_a_batch_become_lines(tmp_path):
     assert (line["name"], line["stratum"], line["named"]) == ("7 case_001", "one", ["delay"])
     (case,) = likelihood.cases_of([line])
     assert likelihood.by_shares(case.table, RULE).name == "delay"
+
+
+def test_what_was_said_is_counted_by_family():
+    known = {
+        "families": "joint",
+        "strength": "strong",
+        "verdict": "named",
+        "named": [],
+        "classes": [],
+        "seconds": 10.0,
+    }
+
+    def line(stratum, missing=(), named=(), rivals=(), **more):
+        return (
+            known
+            | {"stratum": stratum, "missing": missing, "named": named, "classes": [[*named, *rivals]]}
+            | more
+        )
+
+    lines = [
+        line("nothing", verdict="adequate"),
+        line("nothing"),
+        line("one", ["delay"], ["delay"]),
+        line("one", ["delay"], ["drive_lag"], ["delay"], families="poor", seconds=30.0),
+        line("one", ["delay"], ["creep"], strength="weak"),
+        line("two", ["delay", "creep"], ["creep"]),
+        line("outside", ["outside: x"], verdict="unknown", seconds=20.0),
+        line("outside", ["outside: x"], ["creep"]),
+    ]
+    text = likelihood.tally(lines)
+    assert "| joint | 1 of 2 | 1, 0, 0, 0 | 1 of 2 | 1, 1 of 2 |" in text
+    assert "| all | 1 of 2 | 1, 1, 0, 0 | 1 of 2 | 1, 1 of 2 |" in text
+    assert text.endswith("median 10 s")
