@@ -70,13 +70,13 @@ class Accept:
       fitted and on the held-out recordings. Larger: short recordings show nothing; smaller: chance gets a name. The
       usual level of two; at three, 6 of 49 single effects fewer are found first, and none of 20 machines that hide
       nothing gets a name at either (`python -m benchmarks.likelihood compare --errors N`).
-    - `least_share`: share of the misfit that an effect must explain beside other names, or where the model without it
-      is adequate; shares are of the misfit above the floor, and the smaller one of the fitted and the held-out
-      recordings counts. Larger: a true second effect is refused; smaller: the form of the first one gets another name.
-      By hand; a lower one has not been tried.
+    - `least_share`: share of the misfit that all names together must explain, and an effect beside other names, or
+      where the model without it is adequate; shares are of the misfit above the floor, and the smaller one of the
+      fitted and the held-out recordings counts. Larger: a true second effect is refused; smaller: the form of the first
+      one, or what half resembles an effect, gets a name. By hand; a lower one has not been tried.
     - `enough_share`: share after which what is left is more likely the form of what was found: another effect must then
-      explain as much of the rest. Larger: second names beside a right one; smaller: a true second effect is refused. By
-      hand.
+      explain as much of the rest. It is also the share of the power that is enough for a name whose share of the misfit
+      is not. Larger: second names beside a right one; smaller: a true second effect is refused. By hand.
     - `waves`: periods of a periodic effect that the stroke must hold. Larger: ripples on short strokes are lost;
       smaller: a wave that bends to any force that depends on the position is accepted. By hand.
     - `waves_beside`: the same beside another force, to whose remainder a wave and its overtone bend. By hand (commit

@@ -64,6 +64,28 @@ def test_the_likelier_one_is_named_whatever_it_explains():
         assert found.names == (named,) and set(found.classes[0]) == {"lag", "delay"}
 
 
+@pytest.mark.parametrize(
+    ("whole", "named"),
+    [
+        ({"shares": (0.5, 0.5)}, ("delay",)),
+        ({"shares": (0.4, 0.9)}, ()),
+        ({"shares": (0.4, 0.4), "energies": (0.9, 0.85)}, ("delay",)),
+        ({"shares": (0.4, 0.4), "energies": (0.9, 0.75)}, ()),
+        ({"shares": (0.4, 0.4), "makes_credible": True}, ("delay",)),
+    ],
+)
+def test_what_is_likelier_but_explains_too_little_in_the_end_is_not_named(whole, named):
+    """It may have led to a second effect with which all is explained; here there is none."""
+    first = table(row((0.4, 0.4), effect="delay"))
+    second = table(key="t1", asked=("candidates", "1", "t0.0"), misfits=(0.24, 0.24))
+    end = table(row(**whole), key="t2", asked=("whole", "t0.0", "t0"))
+    last = table(row(**whole), key="t3", asked=("whole", "t0.0", "t1"))
+    found = _search(first, second, end, last)
+    assert found.verdict == "unknown" and found.names == named
+    if not named:
+        assert found.rounds[0].dropped.startswith("clearly likelier")
+
+
 def test_nothing_is_named_where_the_base_model_is_adequate():
     assert _search(table(misfits=(0.004, 0.005))).verdict == "adequate"
     assert _search(table(misfits=(0.4, 0.3))).verdict == "unknown"

@@ -60,6 +60,17 @@ def least_share_of(table: Table, rule: Rule) -> float:
     return rule.accept.least_share if adequate or not table.is_first else 0.0
 
 
+def explains_enough(whole: Comparison, rule: Rule) -> bool:
+    """Whether what was found, compared with the base model in `whole`, explains enough to be named at all, by the
+    `rule`: of the misfit or, since far from the noise the misfit is a logarithm, of the power."""
+    gains = whole.gains(rule)
+    return (
+        gains.share > rule.accept.least_share
+        or gains.energy > rule.accept.enough_share
+        or whole.makes_credible
+    )
+
+
 def ranked(table: Table, rule: Rule) -> list[int]:
     """The rows of the `table`, the one that explains most first, by the `rule`."""
     return sorted(range(len(table.rows)), key=lambda row: -table.rows[row].gains(rule).worth)

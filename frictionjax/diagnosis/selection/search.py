@@ -13,6 +13,7 @@ from frictionjax.diagnosis.selection.acceptance import (
     acceptable,
     best_likelier,
     choose,
+    explains_enough,
     only_complete,
 )
 from frictionjax.diagnosis.selection.confidence import Evidence, evidence_of
@@ -21,6 +22,7 @@ from frictionjax.diagnosis.selection.verdict_rule import adequate, most_left, ve
 from frictionjax.diagnosis.table import Comparison, Table, within
 from frictionjax.diagnosis.verdict import Verdict
 
+_TOO_LITTLE = "clearly likelier, but all that was found explains too little of the misfit to be named"
 _NOT_NEEDED = "not needed: refitted to all recordings, the base model reaches the noise floor"
 
 
@@ -112,7 +114,12 @@ class Search:
         first = self._accept(self.tables.candidates(0, ()))
         if self._is_open(first):
             return [dropping(first, _NOT_NEEDED, together=True)]
-        return [first] if first.accepted is None else self._add([first])
+        if first.accepted is None:
+            return [first]
+        chain = self._add([first])
+        return (
+            chain if explains_enough(self.tables.whole(chain), self.rule) else [dropping(first, _TOO_LITTLE)]
+        )
 
     def _accept(self, table: Table) -> Round:
         found = choose(table, self.rule)
