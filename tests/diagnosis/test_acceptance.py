@@ -74,6 +74,18 @@ def test_a_candidate_must_be_likelier_on_both_sets():
         assert acceptable(candidate((0.9, 0.55), leads=leads, p_value=1.0), RULE)[0] == enough
 
 
+def test_held_out_recordings_that_show_nothing_need_not_show_the_effect():
+    """Nor may they speak against it; and where the fitted ones show nothing either, chance gets no name."""
+
+    def may(leads, before=(0.3, 0.002), shares=(0.99, 0.9)):
+        return likelier(candidate(shares, before=before, leads=leads), RULE)
+
+    assert may((LEAD + 0.1, 0.5))
+    assert not may((LEAD + 0.1, -0.5)) and not may((LEAD - 0.1, 0.5))
+    assert not may((LEAD + 0.1, 0.5), before=(0.004, 0.002))
+    assert not may((LEAD + 0.1, 0.5), before=(0.3, 0.1), shares=(0.99, 0.5))
+
+
 def test_of_those_that_may_be_accepted_the_likeliest_is_but_for_its_parameters():
     rich, plain = candidate((0.2, 0.2), leads=(50.0, 50.0)), candidate((0.9, 0.9), leads=(49.0, 49.0))
     lead = ((0, 1, Lead(1.0, 1.0, 9)),)
