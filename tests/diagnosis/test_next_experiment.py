@@ -1,6 +1,7 @@
 """The experiment that a diagnosis asks for: done on the true machine, it tells the names apart."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from helpers_estimation import FINE, PLANT, RATE, closed_loop, moves, open_loop,
 from helpers_plants import effect
 
 from frictionjax.diagnosis import diagnose
+from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.recordings import Case, Plant
 
 LATE = 4  # samples
@@ -46,3 +48,12 @@ def test_what_is_asked_for_tells_the_names_apart():
     assert after.effect == "delay" and after.effect_class == ("delay",)
     stated = after.parameters["delay"]
     assert abs(stated.value - LATE / RATE) < 4.0 * stated.stderr + 1e-6
+
+
+def test_an_effect_that_kept_its_place_is_the_one_that_is_told_apart():
+    """Compared again beside a later one, it is not the last of the drive."""
+    drive = PLANT.with_effects(effect("Delay", delay=1e-3), effect("ConstantLoad", load=0.1))
+    model = SimpleNamespace(judgement=SimpleNamespace(drive=drive))
+    for name, own in zip(("delay", "constant_load"), drive.effects, strict=True):
+        refitted = SimpleNamespace(effect=name, model=model)
+        assert Refitted.own_effect.fget(refitted) is own

@@ -75,16 +75,16 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
             "the motion is imposed, and the standard experiments apply a force",
             cure="Impose slower and faster motions, small loops inside large ones, and rests.",
         )
-    drive, other = accepted.model.judgement.drive, rival.model.judgement.drive
+    drive = accepted.model.judgement.drive
     batch = accepted.model.posterior.batch
     rate = min(1.0 / float(np.max(np.asarray(batch.dt))), _RATE)
-    without = dataclasses.replace(drive, effects=drive.effects[:-1])
+    # Not always the last one: where it kept its place beside what came later, the order is that of both.
+    own, its = accepted.own_effect, rival.own_effect
+    without = dataclasses.replace(drive, effects=tuple(one for one in drive.effects if one is not own))
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)
     candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
     noise = float(np.median(np.asarray(batch.noise)))
-    ranked = rank_for_discrimination(
-        without, drive.effects[-1], other.effects[-1], candidates, rate, noise, refit_steps=_STEPS
-    )
+    ranked = rank_for_discrimination(without, own, its, candidates, rate, noise, refit_steps=_STEPS)
     best = ranked.best
     seconds = _SECONDS * max((_WANTED / best.d_prime) ** 2, 1.0) if best.d_prime > 0.0 else np.inf
     if not seconds < _LONGEST:

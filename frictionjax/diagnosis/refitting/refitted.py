@@ -9,6 +9,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.descent.robust import descend
+from frictionjax.physics.effects import AbstractEffect
 
 
 class Refitted(eqx.Module):
@@ -24,6 +25,12 @@ class Refitted(eqx.Module):
     def effect(self) -> str:
         """Name of the effect."""
         return self.trial.effect
+
+    @property
+    def own_effect(self) -> AbstractEffect:
+        """The effect in the model, as refitted: not always the last one of its drive."""
+        effects = self.model.judgement.drive.effects
+        return next(one for one in reversed(effects) if one.name == self.effect)
 
     @property
     def form(self) -> str:
