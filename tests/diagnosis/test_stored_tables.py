@@ -86,6 +86,18 @@ def test_what_is_likelier_but_explains_too_little_in_the_end_is_not_named(whole,
         assert found.rounds[0].dropped.startswith("clearly likelier")
 
 
+def test_where_no_effect_stays_in_the_end_nothing_is_named():
+    """The first is not needed beside the second, which alone is not accepted."""
+    first = table(row((0.6, 0.6), effect="constant_load"))
+    second = table(row((0.9, 0.9), effect="delay"), key="t1", asked=("candidates", "1", "t0.0"))
+    chain = ("t0.0", "t1.0")
+    useless = table(row((0.1, 0.1)), key="t2", asked=("without", "0", *chain))
+    alone = table(row((0.1, 0.1), effect="delay"), key="t3", asked=("fewer", "0", "0", *chain))
+    whole = table(row((0.6, 0.6)), key="t4", asked=("whole", "t0.0", "t0"))
+    found = _search(first, second, useless, alone, whole)
+    assert (found.verdict, found.names) == ("unknown", ())
+
+
 def test_nothing_is_named_where_the_base_model_is_adequate():
     assert _search(table(misfits=(0.004, 0.005))).verdict == "adequate"
     assert _search(table(misfits=(0.4, 0.3))).verdict == "unknown"

@@ -25,7 +25,6 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 
-_LOST = 1e30  # power of what is not finite
 _STEPS = 2  # integration steps a sample at least, as in `fit`
 
 
@@ -93,7 +92,7 @@ def _without_lost(posterior: Posterior, ends: tuple[Float[Numbers, " q"], ...], 
         return posterior
     best = ends[int(np.argmin(posterior.misfits(ends)))]
     reference = np.asarray(batch.block_mean(recordings.without_model() ** 2))
-    power = np.nan_to_num(np.asarray(posterior.powers([best])[0]), nan=_LOST, posinf=_LOST)
+    power = judge(posterior, descend(posterior, best, graduate=False, steps=0)).power
     used = np.array(recordings.schedule.used)
     used[list(lost(reference, power, np.asarray(batch.block_count), rule))] = False
     schedule = dataclasses.replace(recordings.schedule, used=used)

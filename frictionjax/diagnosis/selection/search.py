@@ -1,4 +1,4 @@
-"""Stepwise selection: effects are added, dropped, swapped and tried in pairs, by tables of comparisons alone.
+"""Stepwise selection: effects are added, dropped and swapped, by tables of comparisons alone.
 
 The search knows no models. It asks for a table, decides by the rule, and asks for the next one: of a supplier that
 refits (`refitted_tables`), or of one that looks up what was stored (`stored_tables`).
@@ -117,9 +117,9 @@ class Search:
         if first.accepted is None:
             return [first]
         chain = self._add([first])
-        return (
-            chain if explains_enough(self.tables.whole(chain), self.rule) else [dropping(first, _TOO_LITTLE)]
-        )
+        if all(one.accepted is None for one in chain) or explains_enough(self.tables.whole(chain), self.rule):
+            return chain
+        return [dropping(first, _TOO_LITTLE)]
 
     def _accept(self, table: Table) -> Round:
         found = choose(table, self.rule)
