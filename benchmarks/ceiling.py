@@ -27,7 +27,7 @@ def above_base(case: fj.Case) -> Ceiling | None:
     with ThreadPoolExecutor(2) as executor:
         model = base_of(starting, executor, silent)
     since = np.array([recording.start_time or 0.0 for recording in starting.recordings])
-    return ceiling_of(model, scene_of(model, starting.names), since)
+    return ceiling_of(model, scene_of(model, starting.names), since)[0]
 
 
 def main(paths: list[str]) -> None:

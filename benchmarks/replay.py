@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.search import Decision, decide
-from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables
+from frictionjax.diagnosis.selection.search import Decision
+from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables, decide_again
 from frictionjax.diagnosis.table import table_of
 
 RESULTS = Path(__file__).parent / "results"
@@ -83,7 +83,7 @@ def decided(side: Side, rule: Rule) -> Decision:
         raise NotStored("the line has no table")
     made_by = rule_of(stored["rule"], old=True)
     tables = [table_of(content) for content in stored["tables"]]
-    return decide(StoredTables(tables, made_by, rule), rule, stored["rounds"])
+    return decide_again(StoredTables(tables, made_by, rule), rule, stored["rounds"])
 
 
 def outcome(side: Side, decision: Decision) -> str:

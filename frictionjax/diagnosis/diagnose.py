@@ -9,7 +9,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import Estimate, InputError, Progress, reporting, require_x64, silent
+from frictionjax.core import Estimate, Progress, reporting, require_x64, silent
 from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility
@@ -27,9 +27,14 @@ from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_a
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.missing import missing_effects, where_each_acts
-from frictionjax.diagnosis.findings.next_experiment import next_experiment
+from frictionjax.diagnosis.findings.next_experiment import experiments_for
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
-from frictionjax.diagnosis.findings.residual_map import ResidualModel, of_another_shape, residual_model
+from frictionjax.diagnosis.findings.residual_map import (
+    ResidualModel,
+    other_shape_note,
+    over_position,
+    residual_model,
+)
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
@@ -38,10 +43,18 @@ from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, st
 from frictionjax.diagnosis.mismatch_map.locate import grid_along
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.conclusion import (
+    CEILING,
+    SHAPE,
+    below_ceiling,
+    of_another_shape,
+    tables_of,
+)
 from frictionjax.diagnosis.selection.model_spread import moved
+from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.select import select
-from frictionjax.diagnosis.selection.step import Step
-from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, NextExperiment, Unexplained, Verdict
+from frictionjax.diagnosis.table import Comparison
+from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Unexplained
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
 from frictionjax.recordings import Case, Plant
 from frictionjax.recordings.given import CaseData, case_of
@@ -178,18 +191,17 @@ def _diagnose(
     base = steps[0].before
     last = accepted[-1].model if accepted else base
     decision = selection.decision
-    verdict, left = decision.verdict, (decision.remains, decision.share)
     if steps[0].together:
         notes.append(_UNDETERMINED)
-    ceiling = None
-    if verdict != "named" or decision.remains:
+    ceiling, afterwards = None, dict[str, Comparison | None]()
+    if decision.verdict != "named" or decision.remains:
         progress("what any force would explain", 0.8)
-        ceiling = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
-    if verdict == "adequate" and ceiling is not None and ceiling.above:
-        verdict, left = "unknown", (True, 1.0)
+        ceiling, free = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
+        afterwards[CEILING] = free
+        decision = below_ceiling(decision, free, rule)
     clock.stage("ceiling")
     residual = None
-    if verdict == "unknown":
+    if decision.verdict == "unknown":
         progress("mapping the residual force", 0.82)
         residual = residual_model(last, steps[-1].floor, executor, rule=rule, effort=effort)
         clock.stage("unknown")
@@ -221,10 +233,13 @@ def _diagnose(
             of_final = None if final is base else parameters(final)
     floor, mapping, of_named = steps[-1].floor, executor.map, of_final
     if residual is not None and accepted:
-        shape = of_another_shape(residual, base, last, floor, rule=rule)
-        if shape is not None:
-            verdict, left, of_named = "named", (False, shape[0]), parameters(last)
-            notes.append(shape[1])
+        found = over_position(residual, base, last, floor, rule=rule)
+        if found is not None:
+            afterwards[SHAPE], names = found
+            alone, decision = decision.share, of_another_shape(decision, afterwards[SHAPE], rule)
+            if decision.verdict == "named":
+                of_named = parameters(last)
+                notes.append(other_shape_note(names, alone, decision.share))
     progress("mapping the mismatch", 0.95)
     grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping)
     located = grid.located(base_view, extended_view, rule=rule)
@@ -233,12 +248,12 @@ def _diagnose(
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
     sizes, _ = moved((of_named or of_base).result()[0], last.posterior.layout, steps, rule=rule)
     notes += [text for text in (warning, biased) if text]
-    experiments, without_experiment = _experiments(steps, progress)
+    experiments, without_experiment = experiments_for(steps, progress)
     notes += without_experiment
     views = [(base, base_view), (final, extended_view)]
     places = [located.where] if len(accepted) == 1 else where_each_acts(steps, grid, views, rule=rule)
     missing = missing_effects(steps, decision.evidence, sizes, places, experiments)
-    unexplained = _unexplained(verdict, left, bins, residual, rule=rule)
+    unexplained = _unexplained(decision, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
     given = as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
@@ -251,9 +266,9 @@ def _diagnose(
     return Diagnosis(
         case=case.name,
         plant=plant,
-        verdict=verdict,
+        verdict=decision.verdict,
         summary=summary_sentence(
-            verdict,
+            decision.verdict,
             missing,
             unexplained,
             located.where,
@@ -275,7 +290,7 @@ def _diagnose(
         warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
         seconds=clock.report(compiling),
         within=located.within,
-        comparisons=selection.tables,
+        comparisons=(*selection.tables, *tables_of(afterwards, decision.rounds)),
         rule=rule,
         effort=effort,
         unmeasured=unmeasured,
@@ -328,18 +343,17 @@ def _is_credible(model: Model, rule: Rule) -> bool:
 
 
 def _unexplained(
-    verdict: Verdict,
-    left: tuple[bool, float],
+    decision: Decision,
     bins: tuple[MismatchBin, ...],
     residual: ResidualModel | None,
     *,
     rule: Rule = Rule(),
 ) -> Unexplained:
-    """What remains: whether it is significant and its share (`left`), in which regime, and over which variable a map of
-    it predicts held-out recordings."""
-    present, share = left
+    """What remains by the `decision`: whether it is significant and its share, in which regime, and over which variable
+    a map of it predicts held-out recordings."""
+    present, share = decision.remains, decision.share
     regimes = [b for b in bins if b.axis == "regime"]
-    if verdict == "unknown" and residual is None:
+    if decision.verdict == "unknown" and residual is None:
         place = strongest(bins, "regime", rule=rule)
     else:
         place = max(regimes, key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None)
@@ -352,30 +366,6 @@ def _unexplained(
     if variable:
         where = f"{where}; carried by {variable}"
     return Unexplained(present, share, where, variable, residual.gains.share_holdout if variable else 0.0)
-
-
-def _experiments(steps: list[Step], progress: Progress) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
-    """Named effect -> the experiment that distinguishes it from the closest of its class; and why there is none for
-    the others."""
-    found, failed = {}, []
-    for step in steps:
-        if step.accepted is None or not step.rivals:
-            continue
-        rival = next(r for r in step.refits if r.effect in step.rivals)
-        progress(
-            f"designing an experiment that distinguishes {step.accepted.effect} from {rival.effect}", 0.97
-        )
-        pair = f"{step.accepted.effect} from {rival.effect}"
-        try:
-            designed = next_experiment(step.accepted, rival)
-        except InputError as error:
-            failed.append(f"No experiment was designed that distinguishes {pair}: {error}")
-            continue
-        if designed is None:
-            failed.append(f"None of the standard experiments distinguishes {pair} within an hour.")
-        else:
-            found[step.accepted.effect] = designed
-    return found, tuple(failed)
 
 
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:

@@ -170,6 +170,12 @@ class Table:
         raise KeyError(f"rows {row} and {other} of table {self.key} were not compared")
 
 
+def table_of_one(key: str, asked: tuple[str, ...], row: Comparison, *, chaotic: bool, imposed: bool) -> Table:
+    """A table of the comparison `row` alone; the other arguments are those of a `Table`."""
+    errors = row.misfit_errors
+    return Table(key, asked, row.before, row.misfits_before, errors, chaotic, (row,), imposed=imposed)
+
+
 def within(misfits: Both, errors: Both, most: float, rule: Rule) -> tuple[bool, bool]:
     """Whether the `misfits` are below `most` and what chance adds in recordings of this length (fit, held out).
 

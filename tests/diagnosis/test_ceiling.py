@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from helpers_estimation import PLANT, base_fit, closed_loop, moves
 from helpers_plants import effect
+from helpers_rule import row
 
 from frictionjax.diagnosis.evidence.model import scene_of
-from frictionjax.diagnosis.findings.ceiling import ceiling_of, is_above
+from frictionjax.diagnosis.findings.ceiling import ceiling_of
 from frictionjax.diagnosis.findings.free_force import free_force
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.conclusion import is_above
 from frictionjax.diagnosis.verdict import Ceiling, Unexplained
 
 RULE = Rule()
@@ -38,7 +40,7 @@ def servo(drive):
 def reached(drive):
     """The base model of the servo's recordings, and the ceiling above it."""
     model = base_fit([PLANT], servo(drive))
-    return model, ceiling_of(model, scene_of(model, NAMES), np.zeros(4))
+    return model, ceiling_of(model, scene_of(model, NAMES), np.zeros(4))[0]
 
 
 def test_a_force_over_position_that_the_model_lacks_is_found_with_its_size():
@@ -93,8 +95,9 @@ def test_a_velocity_has_the_same_columns_under_every_sensor():
 
 
 def test_both_a_lead_and_a_drop_that_matters_are_asked():
-    assert is_above(5.0, 0.02, RULE)
-    assert not is_above(5.0, 0.005, RULE) and not is_above(2.0, 0.5, RULE)
+    assert is_above(row((0.5, 0.5), leads=(9.0, 5.0)), RULE)
+    assert not is_above(row((0.5, 0.5), before=(0.01, 0.01), leads=(9.0, 5.0)), RULE)
+    assert not is_above(row((0.5, 0.5), leads=(9.0, 2.0)), RULE)
 
 
 def test_the_sentence_says_how_large_the_force_is_and_only_where_it_is_significant():

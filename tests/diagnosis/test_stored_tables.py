@@ -11,9 +11,10 @@ import pytest
 from helpers_rule import row, table
 
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.conclusion import CEILING, SHAPE, tables_of
 from frictionjax.diagnosis.selection.search import decide
-from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables
-from frictionjax.diagnosis.table import Lead, table_json, table_of
+from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables, decide_again
+from frictionjax.diagnosis.table import Lead, table_json, table_of, table_of_one
 
 RULE = Rule()
 
@@ -199,3 +200,29 @@ def test_another_rule_goes_other_ways_on_the_same_tables(two_effects):
 
 def test_a_lead_without_clusters_is_none():
     assert Lead(0.0, 0.0, 0).in_errors(RULE) == 0.0
+
+
+@pytest.mark.parametrize(("lead", "verdict"), [(9.0, "unknown"), (1.0, "adequate")])
+def test_what_was_tried_after_the_search_decides_again(lead, verdict):
+    """A free force that predicts better, as long as it was tried beside the model that this rule accepts."""
+    quiet = table(row((0.1, 0.1), before=(0.001, 0.001), leads=(0.0, 0.0)), misfits=(0.001, 0.001))
+    free = row((0.5, 0.5), before=(0.1, 0.1), leads=(lead, lead))
+    chain = decide(StoredTables([quiet], RULE, RULE), RULE, 3).rounds
+    (tried,) = tables_of({CEILING: free, SHAPE: None}, chain)
+    stored = [quiet, _round_trip(tried)]
+    found = decide_again(StoredTables(stored, RULE, RULE), RULE, 3)
+    assert found.verdict == verdict and found.remains == (verdict == "unknown")
+    elsewhere = dataclasses.replace(tried, asked=(CEILING, "t0.0"))
+    assert decide_again(StoredTables([quiet, elsewhere], RULE, RULE), RULE, 3).verdict == "adequate"
+
+
+def test_a_force_of_the_position_keeps_its_name_when_decided_again():
+    spring = table(row((0.6, 0.6), effect="return_spring", exact=(False,)), row((0.1, 0.1), leads=(0.0, 0.0)))
+    nothing = table(row((0.0, 0.0), leads=(0.0, 0.0)), key="t1", asked=("candidates", "1", "t0.0"))
+    whole = table_of_one("t2", ("whole", "t0.0", "t1"), spring.rows[0], chaotic=False, imposed=False)
+    tables = [spring, nothing, whole]
+    chain = decide(StoredTables(tables, RULE, RULE), RULE, 3).rounds
+    (mapped,) = tables_of({SHAPE: row((0.95, 0.95))}, chain)
+    assert decide_again(StoredTables(tables, RULE, RULE), RULE, 3).verdict == "unknown"
+    found = decide_again(StoredTables([*tables, mapped], RULE, RULE), RULE, 3)
+    assert found.verdict == "named" and found.share == pytest.approx(0.05)

@@ -9,13 +9,23 @@ import pytest
 from helpers_diagnosis import fake_diagnosis
 from helpers_estimation import FINE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import effect
+from helpers_rule import candidate, table
 
 from frictionjax.core import InputError, silent
 from frictionjax.diagnosis.base_model.fit_base import fit_base
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.findings.next_experiment import plain_experiments
-from frictionjax.diagnosis.findings.residual_map import ResidualModel, of_another_shape, residual_model
+from frictionjax.diagnosis.findings.residual_map import (
+    ResidualModel,
+    other_shape_note,
+    over_position,
+    residual_model,
+)
 from frictionjax.diagnosis.intake.coverage import missing_needs, not_testable
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.conclusion import of_another_shape
+from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionForceMap, PositionLevelMap
 from frictionjax.recordings import Case, Plant
@@ -139,11 +149,23 @@ def test_a_force_of_the_position_is_named_though_its_equation_leaves_much(
     batch = make_batch(recordings, encoder_step=FINE)
     base, last = _model(batch, 1.0), _model(batch, 0.4, named)
     mapped = ResidualModel(variable, _model(batch, left, named), None, helps)
-    found = of_another_shape(mapped, base, last, np.ones((1, 1)))
-    assert (found is not None) == is_named
-    if found is not None:
-        assert found[0] == pytest.approx(left)
-        assert found[1].startswith("Named by what it depends on") and "40 % of the misfit" in found[1]
+    found = over_position(mapped, base, last, np.ones((1, 1)))
+    row = None if found is None else found[0]
+    verdict = of_another_shape(_unknown(0.4), row, Rule())
+    assert (verdict.verdict == "named") == is_named
+    if is_named:
+        assert found[1] == ("return_spring",) and verdict.share == pytest.approx(left) and not verdict.remains
+
+
+def test_what_the_equation_and_the_map_leave_is_said():
+    said = other_shape_note(("return_spring",), 0.4, 0.05)
+    assert said.startswith("Named by what it depends on") and "40 % of the misfit" in said and "5 %." in said
+
+
+def _unknown(share):
+    """A decision that accepted a spring, which leaves this `share`."""
+    accepted = Round(table(candidate((1.0 - share,) * 2, effect="return_spring", exact=(True,))), 0)
+    return Decision((accepted,), "unknown", True, share, ())
 
 
 @pytest.mark.slow
@@ -160,5 +182,7 @@ def test_a_hardening_spring_is_a_spring_of_another_shape():
         last = fit_base((PLANT.with_effects(SPRING),), batch, held_out, executor, silent)
         found = residual_model(last, np.ones((1, 1)), executor)
     assert found is not None and found.variable == "position" and found.helps
-    shape = of_another_shape(found, base, last, np.ones((1, 1)))
-    assert shape is not None and shape[0] < 0.1
+    row, names = over_position(found, base, last, np.ones((1, 1)))
+    assert names == ("return_spring",)
+    shape = of_another_shape(_unknown(0.5), row, Rule())
+    assert shape.verdict == "named" and shape.share < 0.1

@@ -23,7 +23,6 @@ from frictionjax.diagnosis.evidence.noise_floor import (
     gap_force,
     is_predictable,
 )
-from frictionjax.diagnosis.findings.ceiling import is_above
 from frictionjax.diagnosis.findings.residual_map import helps
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.coverage import Coverage
@@ -41,6 +40,7 @@ from frictionjax.diagnosis.refitting.refitted import ease_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable, choose, only_complete
 from frictionjax.diagnosis.selection.candidate_table import excused_floor, may_excuse
+from frictionjax.diagnosis.selection.conclusion import is_above
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import adequate, verdict_of
 from frictionjax.diagnosis.table import Comparison, Gains, Lead, Table
@@ -313,8 +313,8 @@ PROBES: dict[str, list[Probe]] = {
         (lambda rule: helps(Gains(0.0, 0.12, 0.0, 0.0, 0.0, 9.0, True), rule), True),
     ],
     "ceiling.lead": [
-        (lambda rule: is_above(2.9, 0.1, rule), False),
-        (lambda rule: is_above(3.1, 0.1, rule), True),
+        (lambda rule: is_above(row(leads=(9.0, 2.9)), rule), False),
+        (lambda rule: is_above(row(leads=(9.0, 3.1)), rule), True),
     ],
     "place.significant": [
         (lambda rule: stands_out(_bin("regime", "stick", 1.0, 9.0, p_value=0.06), rule=rule), False),

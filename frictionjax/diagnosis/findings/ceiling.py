@@ -21,7 +21,8 @@ from frictionjax.diagnosis.findings.free_force import Group, free_force, togethe
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import LONGEST_STEP
-from frictionjax.diagnosis.table import Both, Gains
+from frictionjax.diagnosis.selection.conclusion import is_above
+from frictionjax.diagnosis.table import Comparison
 from frictionjax.diagnosis.verdict import Ceiling
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import put_together
@@ -58,7 +59,7 @@ def ceiling_of(
     since: Float[np.ndarray, " r"],
     *,
     rule: Rule = Rule(),
-) -> Ceiling | None:
+) -> tuple[Ceiling | None, Comparison | None]:
     """How much more than the `model` a model with a free force explains.
 
     **Arguments:**
@@ -68,17 +69,18 @@ def ceiling_of(
     - `since`: s since power-on of the first sample of each.
     - `rule`: when the free force is significant.
 
-    **Returns:** None where the motion is imposed.
+    **Returns:** what it comes to, and the model with a free force against the one without it (None where there is
+    nothing to explain); nothing where the motion is imposed.
     """
     posterior, batch = model.posterior, model.posterior.batch
     if not isinstance(batch, Batch):
-        return None
+        return None, None
     # Above the noise of the sensor alone: an unmeasured force may be what is missing.
     answer = answer_to_force(posterior, np.asarray(model.fitted.vector), rule=rule)
     floor = floor_of(0.0, answer, quietness(model.judgement.power, answer, posterior))
     left = model.judgement.misfits(floor)[1]
     if left <= rule.limits.adequate:
-        return Ceiling(left, left, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "", False)  # there is nothing to explain
+        return Ceiling(left, left, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "", False), None
     search = _Search(model)
     present = search.present
     x, v, z = _motion(present)
@@ -89,36 +91,28 @@ def ceiling_of(
         Judgement(drive, one.vector, one.power, model.judgement.held_out, batch)
         for one in (fit, search.first)
     )
-    gains = compare(before, reached, floor, rule=rule)
-    return _reported(gains.gains(rule), gains.misfits_before, gains.misfits_after, fit, groups, model, rule)
+    found = compare(before, reached, floor, rule=rule)
+    return _reported(found, fit, groups, model, rule), found
 
 
-def _reported(
-    gains: Gains, before: Both, after: Both, fit: _Fit, groups: tuple[Group, ...], model: Model, rule: Rule
-) -> Ceiling:
-    batch, drive = model.posterior.batch, model.judgement.drive
+def _reported(found: Comparison, fit: _Fit, groups: tuple[Group, ...], model: Model, rule: Rule) -> Ceiling:
+    batch, drive, gains = model.posterior.batch, model.judgement.drive, found.gains(rule)
     inside, Fc = np.asarray(batch.valid) > 0.0, float(drive.friction.Fc)
     force = Fc * np.tensordot(fit.heights, together(groups), 1) if groups else np.zeros(inside.shape)
     applied = float(drive.motor_constant) * np.asarray(batch.inputs)[inside]
-    rms, lead = float(np.sqrt(np.mean(force[inside] ** 2))), float(gains.lead_holdout)
+    rms = float(np.sqrt(np.mean(force[inside] ** 2)))
     return Ceiling(
-        misfit_model=float(before[1]),
-        misfit_free=float(after[1]),
+        misfit_model=found.misfits_before[1],
+        misfit_free=found.misfits_after[1],
         share_fit=float(gains.share_fit),
         share_holdout=float(gains.share_holdout),
-        lead=lead,
+        lead=float(gains.lead_holdout),
         force=rms,
         of_coulomb=rms / max(Fc, 1e-300),
         of_applied=rms / max(float(np.sqrt(np.mean(applied**2))), 1e-300),
         variable=", ".join(group.variable for group in groups),
-        above=is_above(lead, float(before[1] - after[1]), rule),
+        above=is_above(found, rule),
     )
-
-
-def is_above(lead: float, drop: float, rule: Rule) -> bool:
-    """Whether a free force with this `lead` (standard errors), and by which the misfit per sample of the held-out
-    recordings falls by this `drop`, predicts better than the model, by the `rule`."""
-    return lead > rule.ceiling.lead and drop > rule.limits.adequate
 
 
 def _motion(present: Present) -> tuple[Float[np.ndarray, "r n"], ...]:

@@ -6,13 +6,15 @@ with the square root of its duration.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core import InputError
+from frictionjax.core import InputError, Progress
 from frictionjax.diagnosis.refitting.refitted import Refitted
+from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.verdict import NextExperiment
 from frictionjax.information import rank_for_discrimination
 
@@ -97,3 +99,33 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     return NextExperiment(
         between, best.name, best.d_prime, seconds, np.asarray(candidates[best.name]), rate, sentence
     )
+
+
+def experiments_for(
+    steps: Sequence[Step], progress: Progress
+) -> tuple[dict[str, NextExperiment], tuple[str, ...]]:
+    """The experiments that distinguish what the `steps` named from the closest of its class.
+
+    **Arguments:** the `steps` of a selection; `progress`, called for each experiment.
+
+    **Returns:** named effect -> its experiment; and, in sentences, why there is none for the others.
+    """
+    found, failed = {}, []
+    for step in steps:
+        if step.accepted is None or not step.rivals:
+            continue
+        rival = next(r for r in step.refits if r.effect in step.rivals)
+        progress(
+            f"designing an experiment that distinguishes {step.accepted.effect} from {rival.effect}", 0.97
+        )
+        pair = f"{step.accepted.effect} from {rival.effect}"
+        try:
+            designed = next_experiment(step.accepted, rival)
+        except InputError as error:
+            failed.append(f"No experiment was designed that distinguishes {pair}: {error}")
+            continue
+        if designed is None:
+            failed.append(f"None of the standard experiments distinguishes {pair} within an hour.")
+        else:
+            found[step.accepted.effect] = designed
+    return found, tuple(failed)

@@ -13,8 +13,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
-from frictionjax.diagnosis.selection.verdict_rule import most_left
-from frictionjax.diagnosis.table import Gains
+from frictionjax.diagnosis.table import Comparison, Gains
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
@@ -119,31 +118,27 @@ def residual_model(
     return max(converged, key=lambda found: found.gains.worth, default=None)
 
 
-def of_another_shape(
+def over_position(
     residual: ResidualModel,
     base: Model,
     last: Model,
     floor: Float[np.ndarray, "#r #b"],
     *,
     rule: Rule = Rule(),
-) -> tuple[float, str] | None:
-    """What is left, and a sentence, where the `last` model has named a force that is a function of the position, and
-    the map of the `residual` is of that function; None where it is not, or where that leaves too much for a name.
-
-    A spring may harden, and a linkage moves its weight along another curve than a pendulum: what is missing is named,
-    and its equation is an approximation.
+) -> tuple[Comparison, tuple[str, ...]] | None:
+    """The model with the map of the `residual` against the base model, and the names of the forces of the position in
+    the `last` model, where there are some and the map is over the position, too, and helps; else None.
 
     **Arguments:** `residual`, a map beside the effects of the `last` model; the `base` model; the `floor`; the `rule`.
     """
     named = last.posterior.drive.effects[len(base.posterior.drive.effects) :]
-    own = [effect.name for effect in named if effect.about.of_position]
+    own = tuple(effect.name for effect in named if effect.about.of_position)
     if not own or residual.variable != _POSITION or not residual.helps:
         return None
-    alone, whole = (
-        compare(base.judgement, one.judgement, floor, rule=rule) for one in (last, residual.model)
-    )
-    exact = [bool(effect.about.one_law) for effect in named]
-    left = [float(np.clip(1.0 - row.gains(rule).share, 0.0, 1.0)) for row in (alone, whole)]
-    if not left[1] < most_left(exact, rule=rule):
-        return None
-    return left[1], _OTHER_SHAPE.format(", ".join(own), *(100.0 * part for part in left))
+    return compare(base.judgement, residual.model.judgement, floor, rule=rule), own
+
+
+def other_shape_note(names: tuple[str, ...], alone: float, mapped: float) -> str:
+    """The sentence of a force of the position with another equation than those of the effects with these `names`, which
+    leave the share `alone` of the misfit, and with a map the share `mapped`."""
+    return _OTHER_SHAPE.format(", ".join(names), 100.0 * alone, 100.0 * mapped)

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.evidence.comparison import compare, forms_of
+from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import Answer
@@ -29,7 +29,7 @@ from frictionjax.diagnosis.selection.stored_tables import (
     asked_of_rebuilt,
     asked_of_whole,
 )
-from frictionjax.diagnosis.table import Comparison, Table
+from frictionjax.diagnosis.table import Comparison, Table, table_of_one
 from frictionjax.estimation.descent.robust import Fitted, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
@@ -254,18 +254,8 @@ class RefittedTables:
             makes_credible=made_credible(before, [after], self._rule)[0],
             rule=self._rule,
         )
-        self.tables.append(
-            Table(
-                key=f"t{len(self.tables)}",
-                asked=asked,
-                before=forms_of(before.judgement),
-                misfits=row.misfits_before,
-                misfit_errors=row.misfit_errors,
-                chaotic=is_chaotic(before),
-                rows=(row,),
-                imposed=before.posterior.batch.imposed,
-            )
-        )
+        key, chaotic, imposed = f"t{len(self.tables)}", is_chaotic(before), before.posterior.batch.imposed
+        self.tables.append(table_of_one(key, asked, row, chaotic=chaotic, imposed=imposed))
         return row
 
 

@@ -3,7 +3,15 @@
 from collections.abc import Iterable, Sequence
 
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.conclusion import (
+    CEILING,
+    SHAPE,
+    asked_afterwards,
+    below_ceiling,
+    of_another_shape,
+)
 from frictionjax.diagnosis.selection.round import Round
+from frictionjax.diagnosis.selection.search import Decision, decide
 from frictionjax.diagnosis.table import Comparison, Table
 
 
@@ -60,6 +68,12 @@ class StoredTables:
         """As in `Tables`, of the `chain`, the `place`, the `number` after those `before`, and the table `swap`."""
         return self._find(asked_of_rebuilt(chain, place, number, swap))
 
+    def afterwards(self, tried: str, chain: Sequence[Round]) -> Comparison | None:
+        """What was `tried` beside the last model of the `chain` once the search had ended (`conclusion`); None where it
+        was not, or by a version that did not store it."""
+        table = self._tables.get(asked_afterwards(tried, chain))
+        return None if table is None else table.rows[0]
+
     def _find(self, asked: tuple[str, ...]) -> Table:
         table = self._tables.get(asked)
         if table is None:
@@ -67,6 +81,14 @@ class StoredTables:
         if table.excused and self._other_ranking:
             raise NotStored(f"table {table.key} has a floor that was raised by another limit of `adequate`")
         return table
+
+
+def decide_again(tables: StoredTables, rule: Rule, most: int) -> Decision:
+    """What the `rule` makes of stored `tables`, by a search for at most so many effects, `most`, and of what was tried
+    when the stored search had ended."""
+    decision = decide(tables, rule, most)
+    decision = below_ceiling(decision, tables.afterwards(CEILING, decision.rounds), rule)
+    return of_another_shape(decision, tables.afterwards(SHAPE, decision.rounds), rule)
 
 
 def asked_of_candidates(number: int, chain: Sequence[Round]) -> tuple[str, ...]:
