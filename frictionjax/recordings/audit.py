@@ -198,6 +198,7 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
             resolution,
             force=channels.get("force") if recording.drive == "motion" else None,
             gross_travel=gross_travel,
+            unit=plant.position_unit,
         ),
         position_unit=plant.position_unit,
     )

@@ -1,10 +1,11 @@
 """Which regimes of friction a recording visits, found without a model.
 
-A moment is *at rest* when the position stays inside its noise for at least `REST_TIME`. Motion is *presliding*
-as long as the travel since the last reversal or rest is no more than the gross travel, and *sliding* beyond it.
-The gross travel separates the two populations of travels (between reversals) that a recording through break-away
-shows, two decades or more apart. A recording of one population is judged by size alone: presliding is micrometres
-that a sensor resolves into some thousands of steps at most. With an imposed motion the measured force decides
+A moment is *at rest* when the position stays inside its noise for at least `REST_TIME`. Motion is *presliding* as
+long as the travel since the last reversal or rest is no more than the gross travel, and *sliding* beyond it. The
+gross travel separates the two populations of travels (between reversals) that a recording through break-away shows,
+two decades or more apart. A recording of one population is judged by size alone: presliding is micrometres that a
+sensor resolves into some thousands of steps at most, and no contact bends by a tenth of a radian or a centimetre,
+which is all that shows that a machine with a coarse sensor slides. With an imposed motion the measured force decides
 instead: sliding begins, after a reversal, when the force has come near its level in that direction.
 """
 
@@ -14,11 +15,14 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from frictionjax.recordings.units import parse_unit
+
 REST_TIME = 0.1  # s
 _BLOCK = 0.02  # s, the window in which speed is judged
 _DECADES = 2.0  # between the medians of the two populations of travels
 _RESOLVED = 20.0  # smallest travel over the noise that counts for the populations
 _LARGE = 2e4  # range of x over its noise beyond which a recording of one population is called sliding
+_FURTHEST = {"rad": 0.1, "m": 0.01}  # range of x in SI units, beyond which it is called sliding in any case
 _LEVEL = 0.8  # of the sliding level of a measured force, where sliding is taken to begin
 
 
@@ -54,6 +58,7 @@ def find_regimes(
     *,
     force: Float[np.ndarray, " n"] | None = None,
     gross_travel: float | None = None,
+    unit: str = "",
 ) -> Regimes:
     """Divide a recording into rest, presliding and sliding.
 
@@ -64,6 +69,7 @@ def find_regimes(
     - `resolution`: standard deviation of the noise of `x`, quantisation included, in position units.
     - `force`: measured friction force under an imposed motion, shape `(n,)`; decides when given.
     - `gross_travel`: travel since a reversal that counts as sliding, position units; found from the data when None.
+    - `unit`: of the position, where it is known.
 
     **Returns:** the `Regimes`.
     """
@@ -82,7 +88,7 @@ def find_regimes(
     else:
         evidence = "given"
         if gross_travel is None:
-            gross_travel, evidence = _gross_travel(np.abs(travels), float(np.ptp(x)), resolution)
+            gross_travel, evidence = _gross_travel(np.abs(travels), float(np.ptp(x)), resolution, unit)
         slides = _far(
             x, np.union1d(turns, np.flatnonzero(np.diff(resting.astype(np.int8)) == -1)), gross_travel
         )
@@ -134,7 +140,9 @@ def turning_points(x: Float[np.ndarray, " n"], height: float) -> Int[np.ndarray,
     return np.unique([*turns, x.size - 1])
 
 
-def _gross_travel(travels: Float[np.ndarray, " m"], extent: float, resolution: float) -> tuple[float, str]:
+def _gross_travel(
+    travels: Float[np.ndarray, " m"], extent: float, resolution: float, unit: str
+) -> tuple[float, str]:
     """The travel that separates presliding from sliding, and the evidence for it."""
     logs = np.sort(np.log10(travels[travels > _RESOLVED * resolution]))
     if logs.size >= 2:
@@ -144,7 +152,15 @@ def _gross_travel(travels: Float[np.ndarray, " m"], extent: float, resolution: f
         k = int(np.argmax(sizes * sizes[::-1] * (right - left) ** 2))
         if np.median(logs[k + 1 :]) - np.median(logs[: k + 1]) > _DECADES:
             return float(10.0 ** (0.5 * (logs[k] + logs[k + 1]))), "two travels"
-    return (8.0 * resolution if extent > _LARGE * resolution else float("inf")), "size"
+    slides = extent > _LARGE * resolution or extent > furthest_presliding(unit)
+    return (8.0 * resolution if slides else float("inf")), "size"
+
+
+def furthest_presliding(unit: str) -> float:
+    """Range of a position with this `unit` that is no presliding, in that unit; infinite for a unit of no angle and no
+    length."""
+    known = parse_unit(unit)
+    return float("inf") if known is None else _FURTHEST.get(known.si, float("inf")) / known.factor
 
 
 def _far(

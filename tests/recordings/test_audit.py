@@ -156,6 +156,19 @@ def test_a_recording_of_one_regime():
     assert "at rest for more than 99 %" in " ".join(still.concerns())
 
 
+@pytest.mark.parametrize(
+    ("unit", "stroke"), [("rad", 0.6), ("deg", 40.0), ("mm", 80.0), ("V", 0.6), ("mm", 0.6)]
+)
+def test_a_machine_with_a_coarse_sensor_slides(unit, stroke):
+    """A joint that turns by a radian does, though its encoder has few steps; of a voltage nobody knows."""
+    step = 2.0 * stroke / 3000.0
+    x = step * np.rint(wiggle(stroke, 4.0) / step)
+    found = audit(recording(x), Plant(position_unit=unit)).regimes
+    assert found.evidence == "size"
+    assert (found.sliding > 0.9) == (stroke != 0.6 or unit == "rad")
+    assert found.sliding == 0.0 or found.presliding > 0.002
+
+
 def test_the_gross_travel_may_be_given():
     x = measured(wiggle(2e-5, 4.0))
     found = audit(recording(x), Plant(), gross_travel=1e-5).regimes

@@ -75,13 +75,14 @@ def _lacking(found: Coverage, rule: Rule) -> dict[str, str]:
 def _coverage_of(case: Case, position_noise: Float[Numbers, " r"] | None, imposed: bool) -> Coverage:
     """What the fitted recordings of the `case` contain; `position_noise` (standard deviation, position units, shape
     `(r,)`, None: found from the data) and whether the motion is `imposed`."""
+    unit = case.plant.position_unit
     noises = (
         [noise_level(r) for r in case.fit_recordings]
         if position_noise is None
         else np.asarray(position_noise)
     )
     found = [
-        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if imposed else None)
+        find_regimes(r.x, r.sample_rate, float(noise), force=r.force if imposed else None, unit=unit)
         for r, noise in zip(case.fit_recordings, noises, strict=False)
     ]
     starts = {r.start_time for r in case.fit_recordings}
@@ -93,7 +94,7 @@ def _coverage_of(case: Case, position_noise: Float[Numbers, " r"] | None, impose
         starts=len(starts),
         span=float(span),
         moves=any(np.ptp(r.x) > 0.0 for r in case.fit_recordings),
-        unit=case.plant.position_unit,
+        unit=unit,
         warmer=_temperature_range(case),
     )
 
