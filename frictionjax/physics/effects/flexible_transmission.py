@@ -10,6 +10,9 @@ from frictionjax.core import Parameter
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import LOAD_DRAG, About, AbstractLoadEffect, LoadSide
 
+_TRIED = (10.0, 12.5, 16.0, 20.0, 25.0, 31.5, 40.0, 50.0, 63.0, 80.0, 100.0, 125.0, 160.0, 200.0)
+"""Antiresonances, Hz, ten a decade: with the damping of its test, each shows in the test of its neighbours."""
+
 
 class FlexibleTransmission(AbstractLoadEffect):
     """Part of the inertia sits behind a spring and a damper: J1 + J2 = J, J2 = ratio J.
@@ -43,7 +46,7 @@ class FlexibleTransmission(AbstractLoadEffect):
             "log",
             lower=3.0,
             upper=400.0,
-            grid=(12.0, 25.0, 45.0, 80.0, 140.0),
+            grid=_TRIED,
             other_start=60.0,
         ),
         Parameter(
@@ -53,7 +56,8 @@ class FlexibleTransmission(AbstractLoadEffect):
             "log",
             lower=1e-3,
             upper=1.0,
-            grid=(0.02,),
+            # Light damping rings so long that a test at the next frequency shows nothing of it.
+            grid=(0.1,),
         ),
         LOAD_DRAG,
     )
