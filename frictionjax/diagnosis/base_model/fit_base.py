@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Bool
 
 from frictionjax.core import Estimate, Progress
-from frictionjax.diagnosis.base_model.likeliest import is_coarse, likeliest_parameters, observed_as_asked
+from frictionjax.diagnosis.base_model.likeliest import likeliest_parameters, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
 from frictionjax.diagnosis.evidence.noise_floor import predictable
-from frictionjax.diagnosis.evidence.pace import at_pace, pace_of
+from frictionjax.diagnosis.evidence.pace import at_pace, is_coarse, pace_of
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule

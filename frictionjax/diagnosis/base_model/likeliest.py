@@ -15,7 +15,7 @@ from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.base_model.credibility import lost
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.pace import at_pace, pace_of, schedule_of
+from frictionjax.diagnosis.evidence.pace import at_pace, is_coarse, pace_of, schedule_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
 from frictionjax.estimation.descent.robust import descend
@@ -26,12 +26,6 @@ from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import covariance_of, estimates
 
 _STEPS = 2  # integration steps a sample at least, as in `fit`
-
-
-def is_coarse(posterior: Posterior) -> bool:
-    """Whether a sensor of the recordings is so coarse that its observer is slower than usual."""
-    recordings = posterior.recordings
-    return isinstance(recordings, Observed) and bool(np.any(np.asarray(recordings.pace) < 1.0))
 
 
 def said_of_the_sensor(posterior: Posterior) -> tuple[str, ...]:

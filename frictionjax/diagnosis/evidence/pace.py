@@ -17,7 +17,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, Batch
 from frictionjax.estimation.evidence import AbstractRecordings, Observed, Schedule, filtered_in_pieces
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import Drive
 from frictionjax.simulation import Gains
@@ -135,6 +135,18 @@ def at_pace(posterior: Posterior, pace: Float[Numbers, " r"], schedule: Schedule
     if isinstance(recordings, Observed):
         posterior = with_evidence(posterior, dataclasses.replace(recordings, schedule=schedule))
     return posterior.at_bandwidth(SLOW_BANDWIDTH, pace=pace)
+
+
+def is_coarse(posterior: Posterior) -> bool:
+    """Whether a sensor of the recordings is so coarse that its observer is slower than usual."""
+    recordings = posterior.recordings
+    return isinstance(recordings, Observed) and bool(np.any(np.asarray(recordings.pace) < 1.0))
+
+
+def as_searched(posterior: Posterior) -> Posterior:
+    """The `posterior` with the observers through which effects are searched for: fast ones, which tolerate a model that
+    is far off; of coarse sensors the slow ones, as a fast one shows their noise and little else."""
+    return posterior.at_bandwidth(SLOW_BANDWIDTH if is_coarse(posterior) else FAST_BANDWIDTH)
 
 
 def with_evidence(posterior: Posterior, evidence: AbstractRecordings) -> Posterior:

@@ -10,12 +10,13 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.pace import as_searched
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
 from frictionjax.diagnosis.table import Comparison, Gains
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, extend
+from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS, AbstractMap
@@ -86,7 +87,7 @@ def residual_model(
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
     scales = plant_scales(model.judgement.drive, model.posterior.batch)
-    fast = model.posterior.at_bandwidth(FAST_BANDWIDTH)
+    fast = as_searched(model.posterior)
     present = present_model(fast, model.fitted.vector)
     spot, own = _spot(present), effort.refitting
 

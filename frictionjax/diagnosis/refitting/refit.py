@@ -11,6 +11,7 @@ from jaxtyping import Float
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.pace import as_searched
 from frictionjax.diagnosis.refitting.backlash_search import load_ratio
 from frictionjax.diagnosis.refitting.descents import (
     Candidate,
@@ -29,7 +30,6 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.estimation.start.force_balance import Balanced
 
 
@@ -116,7 +116,7 @@ def refit_balanced(
 def _start(
     model: Model, scales: dict[str, float], hints: Hints, best: Model | None, rule: Rule, effort: Effort
 ) -> Start:
-    whole = model.posterior.at_bandwidth(FAST_BANDWIDTH)
+    whole = as_searched(model.posterior)
     fast, misfit = _searched(whole, model.fitted.vector, effort)
     return Start(
         model=model,
@@ -148,7 +148,7 @@ def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) ->
 
 def _with_fast_observer(model: Model, searched: Posterior) -> float:
     """The misfit of the `model` with the fast observer, on the recordings that are `searched`."""
-    own = model.posterior.at_bandwidth(FAST_BANDWIDTH).on_recordings_of(searched)
+    own = as_searched(model.posterior).on_recordings_of(searched)
     return float(own.misfits([model.fitted.vector])[0])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.pace import as_searched
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.periods import Wavelengths, wavelengths
 from frictionjax.diagnosis.screening.resonance import Pair
@@ -19,7 +20,6 @@ from frictionjax.diagnosis.screening.score_test import (
     worth_simulating,
 )
 from frictionjax.estimation.descent.robust import level_out
-from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect, catalogue
 
 _TO_A_TASK = (
@@ -94,7 +94,7 @@ def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
 
 def _presents(model: Model, executor: Executor, effort: Effort) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
-    fast, vector = model.posterior.at_bandwidth(FAST_BANDWIDTH), model.fitted.vector
+    fast, vector = as_searched(model.posterior), model.fitted.vector
     present = executor.submit(present_model, fast, vector)
     if fast.batch.imposed or fast.misfits([vector])[0] < effort.screening.level:
         return [present.result()]

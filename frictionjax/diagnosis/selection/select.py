@@ -7,10 +7,11 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Progress
-from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of, is_coarse
+from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
+from frictionjax.diagnosis.evidence.pace import is_coarse
 from frictionjax.diagnosis.refitting.refitted import ease
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import resonance_pair
