@@ -10,10 +10,10 @@ from scipy.linalg import solve_discrete_are
 
 from frictionjax.diagnosis.evidence import pace as pace_module
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
-from frictionjax.diagnosis.evidence.pace import free_mass_bandwidth, pace_of
+from frictionjax.diagnosis.evidence.pace import as_searched, free_mass_bandwidth, pace_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
+from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
 
 FORCE = Rule().floor.largest_force
 FITTED = np.array([False])
@@ -54,6 +54,15 @@ def test_a_machine_that_slides_is_observed_like_a_free_mass():
     (pace,) = pace_of(PLANT, batch, FITTED)
     optimum = free_mass_bandwidth(PLANT, batch, Rule())[0]
     assert optimum <= pace * SLOW_BANDWIDTH < 2.0 * optimum
+
+
+def test_effects_are_searched_through_the_slow_observer_of_a_coarse_sensor():
+    for noise, bandwidth in ((COARSE, None), (1e-8, FAST_BANDWIDTH)):
+        batch = _batch(noise)
+        pace = pace_of(PLANT, batch, FITTED)
+        posterior, _ = robust_posterior(PLANT, batch, FITTED, pace=pace)
+        (searched,) = as_searched(posterior).recordings.bandwidth
+        assert searched == pytest.approx(bandwidth or SLOW_BANDWIDTH * pace[0])
 
 
 def test_an_effect_of_the_base_model_changes_no_free_mass():
