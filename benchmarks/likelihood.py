@@ -1,7 +1,7 @@
 """`python -m benchmarks.likelihood`: the first name by likelihood alone, against that by shares of the misfit.
 
     python -m benchmarks.likelihood collect BATCH --out FILE
-    python -m benchmarks.likelihood compare [--errors 3] FILE ...
+    python -m benchmarks.likelihood compare [--lead 3] [--each 1] FILE ...
     python -m benchmarks.likelihood tally FILE ...
 
 `collect` writes a line for each solved case of a revealed batch of `benchmarks.concealed`: what was hidden, what was
@@ -11,8 +11,9 @@ from those of the bank that have tables, which candidate is accepted first, by t
 - by shares: the rule until commit 5bf98cf, of shares of the misfit above the floor, the p-value of the score test,
   leads and distance from the noise, with nine numbers;
 - by likelihood alone: the candidate with the largest gain of the log-likelihood over all recordings among those whose
-  gain is more than so many standard errors on the fitted and on the held-out recordings, which determined nothing of
-  it (a split likelihood ratio, over clusters of 0.5 s). No other number enters.
+  gain is more than so many standard errors, over clusters of 0.5 s, on all of them together (`--lead`), and on the
+  fitted and on the held-out recordings alone (`--each`). The latter determined nothing of it (a split likelihood
+  ratio). No other number enters; today's rule has these two, `Rule.accept.lead` and `lead_each`.
 
 It prints how often the first name is right, by stratum, and where the two differ. Where one of two effects is named
 first, that counts as right.
@@ -31,7 +32,7 @@ from benchmarks.concealed.seal import open_seal
 from benchmarks.concealed.solve import SOLVED, VERDICT
 from benchmarks.replay import lines_of
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.acceptance import ranked
+from frictionjax.diagnosis.selection.acceptance import gain_of, likelier, ranked
 from frictionjax.diagnosis.table import Comparison, Gains, Table, table_of, whole_misfits, within
 
 OUTCOMES = ("right", "class", "other", "none")
@@ -113,17 +114,12 @@ def _choice(table: Table, best: int, able: list[int], rule: Rule) -> Choice:
     return Choice(name, tuple(sorted(rivals)))
 
 
-def by_likelihood(table: Table, errors: float, rule: Rule) -> Choice:
-    """What the likelihood accepts first: gains of more than so many standard `errors`. The `rule` says from how many
-    clusters on there are standard errors, and which candidates make a class."""
-
-    def sure(row: Comparison) -> bool:
-        return all(lead.in_errors(rule) > errors for lead in (row.fit, row.held_out))
-
-    able = [number for number, row in enumerate(table.rows) if sure(row)]
+def by_likelihood(table: Table, rule: Rule) -> Choice:
+    """What the likelihood accepts first of the `table`, by the `rule`."""
+    able = [number for number, row in enumerate(table.rows) if likelier(row, rule)]
     if not able:
         return Choice(None)
-    best = max(able, key=lambda number: table.rows[number].fit.total + table.rows[number].held_out.total)
+    best = max(able, key=lambda number: gain_of(table.rows[number]))
     return _choice(table, best, able, rule)
 
 
@@ -169,12 +165,12 @@ def _named_lines(paths: list[Path]) -> Iterator[dict]:
         yield line if "name" in line else line | {"name": f"bank {line['seed']}"}
 
 
-def compare(cases: Iterable[Case], errors: float, rule: Rule) -> str:
-    """The two tables in Markdown."""
+def compare(cases: Iterable[Case], rule: Rule) -> str:
+    """The two tables in Markdown, by the `rule`."""
     counts: Counter = Counter()
     differing = []
     for case in cases:
-        old, new = by_shares(case.table, rule), by_likelihood(case.table, errors, rule)
+        old, new = by_shares(case.table, rule), by_likelihood(case.table, rule)
         ends = old.outcome(case.missing), new.outcome(case.missing)
         counts.update([(case.stratum, "shares", ends[0]), (case.stratum, "likelihood", ends[1])])
         if old.name != new.name:
@@ -241,14 +237,17 @@ def main() -> None:
     )
     against = verbs.add_parser("compare")
     against.add_argument("files", type=Path, nargs="+")
-    against.add_argument("--errors", type=float, default=3.0)
+    accept = Rule().accept
+    against.add_argument("--lead", type=float, default=accept.lead)
+    against.add_argument("--each", type=float, default=accept.lead_each)
     verbs.add_parser("tally").add_argument("files", type=Path, nargs="+")
     options = parser.parse_args()
     if options.verb == "tally":
         sys.stdout.write(tally(lines_of(options.files)) + "\n")
         return
     if options.verb == "compare":
-        sys.stdout.write(compare(cases_of(_named_lines(options.files)), options.errors, Rule()) + "\n")
+        rule = Rule().changed({"accept.lead": options.lead, "accept.lead_each": options.each})
+        sys.stdout.write(compare(cases_of(_named_lines(options.files)), rule) + "\n")
         return
     opened = gzip.open if options.out.suffix == ".gz" else open
     with opened(options.out, "wt", encoding="utf-8") as file:

@@ -123,6 +123,13 @@ class Comparison:
             repeats(self.waves, rule),
         )
 
+    @property
+    def lead(self) -> Lead:
+        """The lead over the model without, over the clusters of all recordings."""
+        own = (self.fit, self.held_out)
+        error = math.hypot(*(lead.error for lead in own))
+        return Lead(sum(lead.total for lead in own), error, sum(lead.clusters for lead in own))
+
     def lead_over(self, other: "Comparison") -> Lead:
         """By how much `after` leads that of the `other` comparison, with the same model before and above the same
         floor, over the clusters of all recordings."""

@@ -23,15 +23,16 @@ def _row(effect, fit, held_out, shares=(0.9, 0.9), clusters=100):
 def test_the_likelier_one_is_named_whatever_it_explains():
     small = table(_row("delay", 50.0, 45.0, (0.2, 0.2)), _row("creep", 90.0, 31.0, (0.1, 0.1)), lead=-9.0)
     assert likelihood.by_shares(small, RULE).name is None
-    assert likelihood.by_likelihood(small, 3.0, RULE) == likelihood.Choice("creep")
-    # Nothing of a candidate was determined by the held-out recordings: there it must be clear, too.
-    assert likelihood.by_likelihood(small, 4.0, RULE) == likelihood.Choice("delay")
-    assert likelihood.by_likelihood(small, 5.0, RULE) == likelihood.Choice(None)
+    assert likelihood.by_likelihood(small, RULE) == likelihood.Choice("creep")
+    # Nothing of a candidate was determined by the held-out recordings: there it must be likelier, too.
+    each = RULE.changed({"accept.lead_each": 4.0})
+    assert likelihood.by_likelihood(small, each) == likelihood.Choice("delay")
+    assert likelihood.by_likelihood(small, RULE.changed({"accept.lead": 9.0})) == likelihood.Choice(None)
 
 
 def test_what_does_not_trail_clearly_is_of_the_class():
     close_by = table(_row("delay", 50.0, 50.0), _row("drive_lag", 49.0, 50.0), lead=1.0)
-    found = likelihood.by_likelihood(close_by, 3.0, RULE)
+    found = likelihood.by_likelihood(close_by, RULE)
     assert found == likelihood.Choice("delay", ("drive_lag",))
     assert [found.outcome(hidden) for hidden in (("delay",), ("drive_lag",), ("creep",))] == [
         "right",
@@ -42,7 +43,7 @@ def test_what_does_not_trail_clearly_is_of_the_class():
 
 
 def test_without_clusters_nothing_is_sure():
-    assert likelihood.by_likelihood(table(_row("delay", 90.0, 90.0, clusters=3)), 3.0, RULE).name is None
+    assert likelihood.by_likelihood(table(_row("delay", 90.0, 90.0, clusters=3)), RULE).name is None
 
 
 def test_both_are_counted_and_where_they_differ_is_listed():
@@ -55,7 +56,7 @@ def test_both_are_counted_and_where_they_differ_is_listed():
     ]
     cases = list(likelihood.cases_of(lines))
     assert [case.stratum for case in cases] == ["one", "nothing"]
-    text = likelihood.compare(cases, 3.0, RULE)
+    text = likelihood.compare(cases, RULE)
     assert "| one | shares | 0 | 0 | 0 | 1 |" in text and "| one | likelihood | 1 | 0 | 0 | 0 |" in text
     assert "| nothing | likelihood | 0 | 0 | 1 | 0 |" in text
     assert "| a | delay | unknown |  (none) | delay (right) |" in text

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 from helpers_rule import candidate, table
 
@@ -10,24 +11,7 @@ from frictionjax.diagnosis.selection.acceptance import acceptable, choose, least
 from frictionjax.diagnosis.table import Lead
 
 RULE = Rule()
-LEAST_SHARE, LEAD = RULE.accept.least_share, RULE.accept.lead
-
-
-def test_what_brings_held_out_recordings_to_the_noise_is_likelier():
-    """Two seconds of fast motion in a minute have few clusters to be tested in."""
-
-    def may(fit, held, before=(0.05, 0.05), leads=(0.5, 0.5), **more):
-        return likelier(candidate((fit, held), before=before, leads=leads, **more), RULE)
-
-    assert may(0.9, 0.95)
-    assert may(0.5, 0.95, (0.002, 0.05))
-    # Not what leaves more than the noise, nor what only the fitted recordings show, nor what these do not ask for.
-    assert not may(0.9, 0.75) and not may(0.75, 0.9)
-    assert not may(0.95, 0.9, (0.05, 0.005))
-    assert not may(0.9, 0.95, leads=(-0.5, 0.5))
-    # Nor what chance may have raised above the noise in a short recording.
-    assert may(0.95, 0.9, (0.05, 0.018))
-    assert not may(0.95, 0.9, (0.05, 0.018), misfit_errors=(0.01, 0.01))
+LEAST_SHARE, LEAD, EACH = RULE.accept.least_share, RULE.accept.lead, RULE.accept.lead_each
 
 
 @pytest.mark.parametrize("p_value", [1e-9, 1.0])
@@ -67,23 +51,25 @@ def test_only_where_a_first_name_is_looked_for_it_need_not_explain_much():
     assert choose(adequate, RULE).accepted is None
 
 
-def test_a_candidate_must_be_likelier_on_both_sets():
-    over, under = LEAD + 0.1, LEAD - 0.1
-    for leads, enough in (((over, over), True), ((under, 9.0), False), ((9.0, under), False)):
+def test_a_candidate_must_be_likelier_on_all_recordings_and_on_both_sets():
+    over, under = EACH + 0.1, EACH - 0.1
+    both = LEAD / np.sqrt(2.0)
+    for leads, enough in (
+        ((both + 0.1, both + 0.1), True),
+        ((both - 0.1, both - 0.1), False),
+        ((over, 9.0), True),
+        ((9.0, over), True),
+        ((under, 9.0), False),
+        ((9.0, under), False),
+    ):
         assert likelier(candidate((0.9, 0.55), leads=leads), RULE) == enough
         assert acceptable(candidate((0.9, 0.55), leads=leads, p_value=1.0), RULE)[0] == enough
 
 
-def test_held_out_recordings_that_show_nothing_need_not_show_the_effect():
-    """Nor may they speak against it; and where the fitted ones show nothing either, chance gets no name."""
-
-    def may(leads, before=(0.3, 0.002), shares=(0.99, 0.9)):
-        return likelier(candidate(shares, before=before, leads=leads), RULE)
-
-    assert may((LEAD + 0.1, 0.5))
-    assert not may((LEAD + 0.1, -0.5)) and not may((LEAD - 0.1, 0.5))
-    assert not may((LEAD + 0.1, 0.5), before=(0.004, 0.002))
-    assert not may((LEAD + 0.1, 0.5), before=(0.3, 0.1), shares=(0.99, 0.5))
+def test_too_few_clusters_show_nothing():
+    few = Lead(9.0, 1.0, RULE.accept.least_clusters - 1)
+    for lead in ("fit", "held_out"):
+        assert not likelier(dataclasses.replace(candidate((0.9, 0.9), leads=(9.0, 9.0)), **{lead: few}), RULE)
 
 
 def test_of_those_that_may_be_accepted_the_likeliest_is_but_for_its_parameters():

@@ -2,7 +2,7 @@
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
-from frictionjax.diagnosis.table import Comparison, Lead, Table, whole_misfits, within
+from frictionjax.diagnosis.table import Comparison, Lead, Table, within
 
 _NOT_COMPLETE = "the named effects explain nearly all; this one explains too little of the rest"
 
@@ -10,9 +10,9 @@ _NOT_COMPLETE = "the named effects explain nearly all; this one explains too lit
 def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:
     """Whether the candidate of a `row` may enter the model by the `rule`, and if not, why not.
 
-    The model with it must be clearly likelier, on the recordings that it was fitted to and on the held-out ones, which
-    determined nothing of it. What is periodic along the stroke must be recorded to repeat in it. Beside other names, or
-    where the model without it is adequate, it must explain at least a `least_share` of the misfit.
+    The model with it must be clearly likelier, and so on the recordings that it was fitted to and on the held-out ones,
+    which determined nothing of it. What is periodic along the stroke must be recorded to repeat in it. Beside other
+    names, or where the model without it is adequate, it must explain at least a `least_share` of the misfit.
     """
     gains = row.gains(rule)
     if not gains.repeats:
@@ -35,23 +35,9 @@ def _nats(lead: Lead) -> str:
 
 def likelier(row: Comparison, rule: Rule) -> bool:
     """Whether chance does not do what the candidate of a `row` does, by the `rule`: it leads by so many standard errors
-    on the fitted and on the held-out recordings.
-
-    Two things are enough instead. The held-out recordings alone are at the noise without the candidate, so that they
-    cannot show it: then they must not speak against it. Or it brings held-out ones to the noise that were not there:
-    what acts in a few seconds of many has few clusters to be tested in.
-    """
-    fit, held_out = (lead.in_errors(rule) for lead in (row.fit, row.held_out))
-    if min(fit, held_out) > rule.accept.lead:
-        return True
-    most = rule.limits.adequate
-    fit_at_noise, held_out_at_noise = within(row.misfits_before, row.misfit_errors, most, rule)
-    if held_out_at_noise:
-        return not fit_at_noise and fit > rule.accept.lead and held_out > 0.0
-    gains, wholes = row.gains(rule), whole_misfits(row.misfits_before, rule)
-    shares = (gains.share_fit, gains.share_holdout)
-    left = max(whole * (1.0 - share) for whole, share in zip(wholes, shares, strict=True))
-    return fit > 0.0 and left < most
+    on all recordings together, and by some on the fitted and on the held-out ones alone."""
+    each = min(row.fit.in_errors(rule), row.held_out.in_errors(rule))
+    return row.lead.in_errors(rule) > rule.accept.lead and each > rule.accept.lead_each
 
 
 def least_share_of(table: Table, rule: Rule) -> float:
