@@ -15,6 +15,7 @@ from frictionjax.recordings.recording import Plant, Recording, Sampling
 from frictionjax.recordings.sampling import Grid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
 from frictionjax.recordings.simulated import SIMULATED, no_simulation, on_the_turn_of
+from frictionjax.recordings.target import said_of_target
 from frictionjax.recordings.words import listed, shown
 
 MIN_SAMPLES = 100
@@ -86,27 +87,29 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
     _require_motion(entry, used, file)
     column = named["x"]
     used["x"], turns, jump = unwrapped(used["x"], plant.position_unit)
-    jumps = ()
+    remarks = ()
     if turns:
         where = f"{table.place(int(rows[first + jump]))}, column `{shown(column)}`"
-        jumps = (f"x jumps by a full turn {_times(turns)}, first at {where}: it was unwrapped.",)
+        remarks = (f"x jumps by a full turn {_times(turns)}, first at {where}: it was unwrapped.",)
     elif (stood := standing(used["x"])) is not None:
         where = f"{table.place(int(rows[first + stood.first]))}, column `{shown(column)}`"
-        jumps = (
+        remarks = (
             f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {_times(stood.count)}, "
             f"first at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
         )
     if SIMULATED in used:
         used[SIMULATED], wraps = on_the_turn_of(used[SIMULATED], entry.drive, plant)
-        jumps = (*jumps, *wraps)
+        remarks = (*remarks, *wraps)
     x = np.ascontiguousarray(grid.follow(used["x"]))
+    u = np.ascontiguousarray(grid.hold(used["u"])) if "u" in used else np.zeros(x.size)
+    remarks = (*remarks, *filter(None, (said_of_target(x, u, rate, plant),)))
     optional = {
         role: np.ascontiguousarray(grid.follow(used[role])) if role in used else None for role in _OPTIONAL
     }
     recording = Recording(
         name=name,
         sample_rate=rate,
-        u=np.ascontiguousarray(grid.hold(used["u"])) if "u" in used else np.zeros(x.size),
+        u=u,
         x=x,
         role=entry.role,
         loop=entry.loop,
@@ -126,9 +129,9 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
         simulated=optional["simulated"],
     )
     found = audit(recording, plant)
-    for said in filter(None, (*read_as, found.sampling_sentence(), *jumps)):
+    for said in filter(None, (*read_as, found.sampling_sentence(), *remarks)):
         warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
-    return dataclasses.replace(recording, warnings=(*read_as, *left_out, *jumps, *found.concerns()))
+    return dataclasses.replace(recording, warnings=(*read_as, *left_out, *remarks, *found.concerns()))
 
 
 def _times(count: int) -> str:
