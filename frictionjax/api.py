@@ -86,6 +86,7 @@ from frictionjax.studies import Axis as Axis
 from frictionjax.studies import Calibration as Calibration
 from frictionjax.studies import CompiledTask as CompiledTask
 from frictionjax.studies import DiagnosisTask as DiagnosisTask
+from frictionjax.studies import DiscriminationTask as DiscriminationTask
 from frictionjax.studies import Experiment as Experiment
 from frictionjax.studies import Factorial as Factorial
 from frictionjax.studies import FitTask as FitTask
@@ -119,6 +120,7 @@ __all__ = [
     "Diagnosis",
     "DiagnosisTask",
     "Discrimination",
+    "DiscriminationTask",
     "Drive",
     "Effort",
     "Estimate",

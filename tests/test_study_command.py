@@ -97,6 +97,20 @@ def test_other_tasks_and_designs(design, old, new, kind):
     assert isinstance(study_of(design).task, kind)
 
 
+def test_two_effects_of_a_design_file_are_told_apart(design):
+    pair = '[discriminate]\nfirst = {name = "constant_load", load = 0.1}\nrefit_steps = 3\n'
+    noisy = SMALL.replace('"simulate"', '"discriminate"').replace(
+        "samples = 64", "samples = 64\nnoise = 1e-8"
+    )
+    design.write_text(noisy + "\n" + pair)
+    task = study_of(design).task
+    assert isinstance(task, fj.DiscriminationTask) and float(task.first.load) == 0.1
+    assert task.second is None and task.refit_steps == 3
+    design.write_text(noisy + "\n" + pair.replace("constant_load", "crepe"))
+    with pytest.raises(fj.InputError, match='"crepe" is no effect of the catalogue'):
+        study_of(design)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -106,7 +120,11 @@ def test_other_tasks_and_designs(design, old, new, kind):
         ("seed = 4", "seed = ", "is no TOML"),
         ("repeats = 2", "cases = 2", "a factorial design has no `cases`"),
         ("repeats = 2", 'design = "sobol"', "a sobol design needs the number of its `cases`"),
-        ('"simulate"', '"guess"', "`task` is 'guess'. Choose one of: simulate, response, fit, diagnose"),
+        (
+            '"simulate"',
+            '"guess"',
+            "`task` is 'guess'. Choose one of: simulate, response, fit, diagnose, discriminate",
+        ),
         ("values = [0.1, 0.2]", "value = 1", "[axes.level]: `value` is no key. Known: values, low"),
         ("values = [0.1, 0.2]", "unit = 'N'", "axis `level`: it has no values"),
         ("[axes.level]", "[axes.lewel]", "nothing of the machine or the experiment is called `lewel`"),

@@ -5,14 +5,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    from frictionjax.diagnosis.intake.own_model import OwnModel
     from frictionjax.physics import Drive
+    from frictionjax.physics.effects import AbstractEffect
     from frictionjax.studies import Axis, Experiment, Study
 
 EXAMPLE = """\
 # frictionjax study design.toml --out study.zarr
 
 [study]
-task = "response"       # simulate, response (FRF, then stiffness and damping), fit, or diagnose
+task = "response"       # simulate, response (FRF, then stiffness and damping), fit, diagnose, or discriminate
 seed = 0
 design = "factorial"    # factorial (every combination), random, or sobol
 repeats = 20            # of each combination; a random or sobol design has `cases` instead
@@ -53,13 +55,18 @@ segment = 1024          # samples
 
 # [fit]
 # free = ["Fc", "Fs", "vs"]
+
+# Could the experiment distinguish these two effects? The axis `size` multiplies their strengths.
+# [discriminate]
+# first = {name = "maxwell_slip", share = 0.5}
+# second = {name = "elasto_plastic", plasticity = 0.8}    # without it: the machine as it is
 """
 """What `frictionjax study --example` prints."""
 
-_TASKS = ("simulate", "response", "fit", "diagnose")
+_TASKS = ("simulate", "response", "fit", "diagnose", "discriminate")
 _DESIGNS = ("factorial", "random", "sobol")
 _KEYS = {
-    "": ("study", "axes", "machine", "experiment", "response", "fit"),
+    "": ("study", "axes", "machine", "experiment", "response", "fit", "discriminate"),
     "study": ("task", "seed", "design", "design_seed", "repeats", "cases", "same_draws", "units"),
     "axis": ("values", "low", "high", "scale", "count", "unit"),
     "machine": ("motor_constant", "parameters", "effects"),
@@ -78,6 +85,7 @@ _KEYS = {
     ),
     "response": ("band", "segment"),
     "fit": ("free",),
+    "discriminate": ("first", "second", "free", "refit_steps"),
 }
 
 
@@ -183,17 +191,17 @@ def _axes(file: _File, tables: Any) -> "list[Axis]":
 
 
 def _task(file: _File, tables: dict[str, Any], study: dict[str, Any]) -> Any:
-    from frictionjax.studies import DiagnosisTask, FitTask, ResponseTask, SimulationTask
+    from frictionjax.studies import DiagnosisTask, DiscriminationTask, FitTask, ResponseTask, SimulationTask
 
     name = file.choice(study, "task", _TASKS, "response")
     machine, experiments = _machine(file, tables), _experiments(file, tables.get("experiment", []))
     units = study.get("units", {})
-    for other in ("response", "fit"):
+    for other in ("response", "fit", "discriminate"):
         if other in tables:
             file.keys(other, tables[other])
             if other != name:
                 file.fail(f"the task is {name!r}", f"[{other}]", "Leave this table out")
-    if name in ("simulate", "response") and len(experiments) > 1:
+    if name in ("simulate", "response", "discriminate") and len(experiments) > 1:
         file.fail(f"there are {len(experiments)} experiments", "[[experiment]]", f"The task {name!r} has one")
     if name == "simulate":
         return SimulationTask(machine, experiments[0], units=units)
@@ -204,6 +212,10 @@ def _task(file: _File, tables: dict[str, Any], study: dict[str, Any]) -> Any:
         return ResponseTask(machine, experiments[0], units=units, **own)
     if name == "fit":
         return FitTask(machine, experiments, units=units, **tables.get("fit", {}))
+    if name == "discriminate":
+        own = dict(file.table(tables, "discriminate"))
+        first, second = (_effect(file, own.pop(key, None), key) for key in ("first", "second"))
+        return DiscriminationTask(machine, first, second, experiments[0], units=units, **own)
     return DiagnosisTask(machine, experiments, units=units)
 
 
@@ -217,21 +229,35 @@ def _experiments(file: _File, tables: Any) -> "list[Experiment]":
 
 
 def _machine(file: _File, tables: dict[str, Any]) -> "Drive":
-    from frictionjax.core import InputError
-    from frictionjax.diagnosis.intake.own_model import own_model
     from frictionjax.physics import Drive, LuGre
-    from frictionjax.recordings import Case, Plant
-    from frictionjax.recordings.model_table import parse_model
 
     table = dict(file.table(tables, "machine"))
     file.keys("machine", table)
     constant = table.pop("motor_constant", 1.0)
-    try:
-        model = own_model(Case("machine", Plant(), (), parse_model(table, None)))
-    except InputError as error:  # it speaks of the [model] of a case
-        raise InputError(error.problem, file=file.path, place="[machine]", cure=error.cure) from error
+    model = _model(file, table, "[machine]")
     needed = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
     if missing := [name for name in needed if name not in model.values]:
         file.fail(f"`{missing[0]}` has no value", "[machine] parameters", f"Give all of: {', '.join(needed)}")
     J, *law = (model.values[name] for name in needed)
     return Drive(J, LuGre(*law), constant, model.effects)
+
+
+def _effect(file: _File, table: Any, key: str) -> "AbstractEffect | None":
+    """The effect with the name and the strengths of the `table`; None without one."""
+    if table is None:
+        return None
+    (effect,) = _model(file, {"effects": [table]}, f"[discriminate] {key}").effects
+    return effect
+
+
+def _model(file: _File, table: dict[str, Any], place: str) -> "OwnModel":
+    """The parameters and the effects of a `table`."""
+    from frictionjax.core import InputError
+    from frictionjax.diagnosis.intake.own_model import own_model
+    from frictionjax.recordings import Case, Plant
+    from frictionjax.recordings.model_table import parse_model
+
+    try:
+        return own_model(Case("machine", Plant(), (), parse_model(table, None)))
+    except InputError as error:  # it speaks of the [model] of a case
+        raise InputError(error.problem, file=file.path, place=place, cure=error.cure) from error

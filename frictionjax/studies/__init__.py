@@ -10,6 +10,7 @@ from frictionjax.studies.design import AbstractDesign as AbstractDesign
 from frictionjax.studies.design import Factorial as Factorial
 from frictionjax.studies.design import RandomDesign as RandomDesign
 from frictionjax.studies.design import SobolDesign as SobolDesign
+from frictionjax.studies.discrimination_task import DiscriminationTask as DiscriminationTask
 from frictionjax.studies.estimator_comparison import EstimatorComparison as EstimatorComparison
 from frictionjax.studies.estimator_comparison import compare_estimators as compare_estimators
 from frictionjax.studies.experiment import Experiment as Experiment

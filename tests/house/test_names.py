@@ -25,6 +25,7 @@ EXPECTED = sorted(
         *("best_linear_approximation", "extrapolate_to_zero_amplitude", "resonances"),
         *("Study", "Axis", "Factorial", "RandomDesign", "SobolDesign", "Experiment"),
         *("CompiledTask", "PythonTask", "SimulationTask", "ResponseTask", "FitTask", "DiagnosisTask"),
+        "DiscriminationTask",
         *("run_study", "load_study", "summarise", "level_sweep", "compare_estimators", "check_diagnosis"),
         *("Calibration", "calibration_of", "calibration_study"),
         *("configure_jax", "simulate_batch", "simulate_imposed"),
