@@ -51,19 +51,19 @@ class Refitting:
 
     **Attributes:**
 
-    - `searched_samples`: of each recording, from its first on, by which candidates are refitted with the fast observer;
+    - `searched_samples`: of each recording, from its first on, by which candidates are first refitted;
       the last descent of those that are left is on all samples. It is the shortest length of a program: longer ones
       are compiled for the last descent alone.
     - `searched_part`: part of the misfit of the whole that this first part must have; else the whole is searched.
     - `first_steps`: steps of a descent after which candidates that lag behind are given up.
-    - `steps`: steps in all with the fast observer; `tolerance`: where they end sooner.
+    - `steps`: steps in all of the first descent; `tolerance`: where they end sooner.
     - `lagging`: part of the best one's gain by then; `least_kept`: candidates that go on in any case.
     - `far`: misfit of a model that may sit in a wrong minimum.
     - `settled`: part left after the first steps below which no other start is tried.
     - `left`: part that all candidates leave, above which they get a second start.
-    - `near`: part of the best gain with the fast observer that brings a candidate on to the slow one.
+    - `near`: part of the best gain of a first descent that brings a candidate on to the last one.
     - `hopeless`: part that must be gained, beside other effects, for more than one candidate to go on.
-    - `slow_steps`, `slow_tolerance`: of the descent with the slow observer.
+    - `slow_steps`, `slow_tolerance`: of the last descent, with the slow observer.
     - `close`: difference of the sums of shares within which the two best are refitted until they rest.
     - `worthless`: sum of shares below which none is.
     - `polish_steps`: of that descent.

@@ -100,7 +100,7 @@ def first_descent(start: Start, trial: Trial) -> Candidate:
 
 
 def further(start: Start, candidate: Candidate) -> Candidate:
-    """The `candidate` after the rest of its steps with the fast observer."""
+    """The `candidate` after the rest of the steps of its first descent."""
     found, budget = candidate.fitted, start.effort.refitting
     if start.graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
         return candidate

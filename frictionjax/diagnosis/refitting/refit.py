@@ -147,7 +147,7 @@ def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) ->
 
 
 def _with_fast_observer(model: Model, searched: Posterior) -> float:
-    """The misfit of the `model` with the fast observer, on the recordings that are `searched`."""
+    """The misfit of the `model` with the observers of a search, on the recordings that are `searched`."""
     own = as_searched(model.posterior).on_recordings_of(searched)
     return float(own.misfits([model.fitted.vector])[0])
 
@@ -177,7 +177,7 @@ def _from_other_starts(
 
 
 def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]:
-    """Those of the `candidates` that go on with the slow observer: near the best gain, the best of each form."""
+    """Those of the `candidates` that go on to the last descent: near the best gain, the best of each form."""
     budget = start.effort.refitting
     gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
     most = start.misfit - start.lowest(candidates)
