@@ -26,6 +26,9 @@ _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that i
 # 30 times its variance the innovations of a machine in stick are white (tests/estimation/test_fit.py), with 10 the
 # filter diverges.
 _CREEP_VARIANCE = 30.0
+_MEMORY = 10.0  # samples over which innovations are compared with their variance
+_LOST = 9.0  # mean square over that variance, from which the filter has lost the machine: three standard deviations
+_MOST = 1e6  # of one square over the variance
 
 
 class Filtered(eqx.Module):
@@ -74,6 +77,7 @@ def kalman_filter(
     *,
     substeps: Substeps = 1,
     samples: Int[Array, ""] | None = None,
+    recovers: bool = False,
 ) -> Filtered:
     """Run the filter along one recording; for use inside compiled functions.
 
@@ -89,6 +93,10 @@ def kalman_filter(
         the first two.
     - `substeps`: integration steps per sample.
     - `samples`: as in `scan_samples`.
+    - `recovers`: whether the filter finds back to a machine that it has lost. Near break-away a machine that moves may
+        be taken for one in stick: the covariance shrinks, and nothing is corrected any more. Where the squares of ten
+        innovations are nine times their variance in the mean, position and velocity are as uncertain as the last one
+        says (cf. strong tracking filters, Zhou and Frank, Int. J. Control 63, 1996). The `variance` is that without it.
     """
     step = _flat_step(drive, dt, substeps)
     first = _flat(state_at(drive, start))
@@ -96,26 +104,37 @@ def kalman_filter(
     directions = jnp.eye(size + 1)
     covariance = jnp.zeros((size, size)).at[0, 0].set(start_std[0] ** 2).at[1, 1].set(start_std[1] ** 2)
 
-    def sample(carry, inputs):
-        state, covariance = carry
-        motor, measured, t = inputs
-        predicted, row = jax.value_and_grad(lambda flat: _measured(drive, flat, t))(state)
+    def corrected(covariance, row):
+        """Gain, variance of the innovation, and the covariance after the measurement."""
         cross = covariance @ row
         variance = row @ cross + noise**2
         gain = cross / variance
+        return gain, variance, covariance - gain[:, None] * cross[None]
+
+    def sample(carry, inputs):
+        state, covariance, alone = carry
+        motor, measured, t = inputs
+        predicted, row = jax.value_and_grad(lambda flat: _measured(drive, flat, t))(state)
         innovation = measured - predicted
+        if alone is None:
+            gain, variance, covariance = corrected(covariance, row)
+            own = None
+        else:
+            own, surprise = alone
+            expected = row @ covariance @ row + noise**2
+            surprise = surprise + (jnp.minimum(innovation**2 / expected, _MOST) - surprise) / _MEMORY
+            more = jnp.where(surprise > _LOST, innovation**2, 0.0)
+            surprise = jnp.where(surprise > _LOST, 1.0, surprise)
+            covariance = covariance.at[0, 0].add(more).at[1, 1].add(more / (_MEMORY * dt) ** 2)
+            _, variance, own = corrected(own, row)
+            gain, _, covariance = corrected(covariance, row)
         state = state + gain * innovation
-        covariance = covariance - gain[:, None] * cross[None]
         # A deflected bristle creeps under vibration, by |v| S/G, which the step linearised at rest lacks. The mean of
         # |v| less |mean of v| counts as process noise of the bristle.
         spring = drive.spring_force(state[2])
         now = drive.instant(state[0], state[1], mean_of(motor), spring, state[2 + bristles :])
         bend = spring / drive.level_at(now)
-        v_std = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
-        off = jnp.abs(state[1]) / v_std
-        above = v_std * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
-        creep = _CREEP_VARIANCE * (bend * dt * above) ** 2
-        covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
+        before = state
 
         def disturbed(state, unmeasured):
             return step(state, motor + unmeasured)
@@ -124,17 +143,28 @@ def kalman_filter(
             lambda way: jax.jvp(disturbed, (state, 0.0), (way[:size], way[size])), out_axes=(None, 0)
         )(directions)
         moved = columns[:size].T
-        covariance = (
-            moved @ covariance @ moved.T + disturbance**2 * columns[size][:, None] * columns[size][None]
-        )
-        covariance = 0.5 * (covariance + covariance.T)
-        # In sliding the bristle's covariance decays within a few samples, to denormal numbers, with which a processor
-        # is a hundred times slower.
-        covariance = jnp.where(jnp.abs(covariance) > _NEGLIGIBLE, covariance, 0.0)
-        return (state, covariance), (gain, variance, innovation)
+
+        def advanced(covariance):
+            v_std = jnp.sqrt(jnp.maximum(covariance[1, 1], 0.0) + _TINY)
+            off = jnp.abs(before[1]) / v_std
+            above = v_std * 2.0 * (jax.scipy.stats.norm.pdf(off) - off * jax.scipy.stats.norm.cdf(-off))
+            creep = _CREEP_VARIANCE * (bend * dt * above) ** 2
+            covariance = covariance.at[2 : 2 + bristles, 2 : 2 + bristles].add(creep)
+            covariance = (
+                moved @ covariance @ moved.T + disturbance**2 * columns[size][:, None] * columns[size][None]
+            )
+            covariance = 0.5 * (covariance + covariance.T)
+            # In sliding the bristle's covariance decays within a few samples, to denormal numbers, with which a
+            # processor is a hundred times slower.
+            return jnp.where(jnp.abs(covariance) > _NEGLIGIBLE, covariance, 0.0)
+
+        alone = None if own is None else (advanced(own), surprise)
+        return (state, advanced(covariance), alone), (gain, variance, innovation)
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
-    return Filtered(*scan_samples(sample, (first, covariance), (force, x, t), samples))
+    # The covariance without recovery, and the mean square of the last innovations over their variance.
+    alone = (covariance, jnp.ones(())) if recovers else None
+    return Filtered(*scan_samples(sample, (first, covariance, alone), (force, x, t), samples))
 
 
 def _along(

@@ -110,8 +110,9 @@ def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):
         condemned = _with_gains_of(flat, batch, pace)
         again = at_the_pace_of(condemned, condemned)
         assert again is not None
-        assert condemned.judgement.misfits(unit)[0] > 0.1
-        assert again.judgement.misfits(unit)[0] < 2.0 * Rule().limits.adequate
+        left = condemned.judgement.misfits(unit)[0]
+        assert left > 2.0 * Rule().limits.adequate
+        assert again.judgement.misfits(unit)[0] < 0.1 * left
 
 
 def _asked(drive, batch, monkeypatch, ends_at=None):

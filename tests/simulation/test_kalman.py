@@ -1,5 +1,7 @@
 """The Kalman filter: under the true model its innovations are white, of the variance that it reports."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -58,3 +60,30 @@ def test_given_gains_lead_from_positions_to_innovations_and_back(filtered):
     innovation = predicted_with(drive, force, measured, DT, found.gain, at)
     np.testing.assert_allclose(innovation, found.innovation, atol=1e-12)
     np.testing.assert_allclose(driven_by(drive, force, innovation, DT, found.gain, at), measured, atol=1e-12)
+
+
+def test_a_filter_that_loses_the_machine_comes_back():
+    """A model that sticks where the machine creeps: its covariance shrinks, and it corrects less and less."""
+    rng, Fc = np.random.default_rng(8), float(STAGE.friction.Fc)
+    stuck = dataclasses.replace(STAGE, friction=dataclasses.replace(STAGE.friction, Fc=1.5 * Fc, Fs=2.0 * Fc))
+    force = jnp.full(N, 1.05 * Fc)
+    start = (jnp.asarray(0.0), jnp.asarray(0.0), jnp.asarray(0.0))
+    noise = 2e-7
+    x = simulate(
+        STAGE, force / STAGE.motor_constant, RATE, substeps=1
+    ).measured + noise * rng.standard_normal(N)
+    known = (jnp.asarray(1e-9), jnp.asarray(1e-9))
+
+    def left(drive, recovers):
+        found = kalman_filter(
+            drive, force, x, DT, jnp.asarray(noise), jnp.asarray(0.002 * Fc), start, known, recovers=recovers
+        )
+        return found, float(np.sqrt(np.mean(found.innovation[N // 2 :] ** 2))) / noise
+
+    (alone, lost), (found, back) = left(stuck, False), left(stuck, True)
+    assert lost > 100.0 and back < 0.1 * lost
+    assert np.all(np.isfinite(found.gain)) and np.all(np.isfinite(found.variance))
+    # A true machine is never lost: nothing changes.
+    (alone, _), (found, _) = left(STAGE, False), left(STAGE, True)
+    np.testing.assert_allclose(found.gain, alone.gain, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.variance, alone.variance, rtol=1e-9)

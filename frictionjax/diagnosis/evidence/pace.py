@@ -108,7 +108,7 @@ def schedule_of(
 
     Where friction falls with velocity noise grows in the motion, and the filter corrects more; in stick the bristles
     hold the machine, and it corrects less. Constant gains are too slow for the one, or so fast that they hide what acts
-    longer than a tenth of a second.
+    longer than a tenth of a second. The filter recovers where the machine, from which something is missing, loses it.
     """
     batch, drive, slow = posterior.batch, posterior.drive_of(vector), np.asarray(pace) < 1.0
     if not isinstance(batch, Batch) or not np.any(slow):
@@ -117,7 +117,7 @@ def schedule_of(
     ratio = rule.floor.largest_force * float(drive.friction.Fc) / noise[:, None]
     z0 = np.asarray(vector)[posterior.parameters :]
     known = np.ones(noise.shape, dtype=bool)
-    found, _ = filtered_in_pieces(drive, z0, batch, ratio, known, batch.substeps)
+    found, _ = filtered_in_pieces(drive, z0, batch, ratio, known, batch.substeps, recovers=True)
     gains, unit = np.asarray(found.gain), np.asarray(found.deviation) / noise[:, None]
     finite = np.all(np.isfinite(gains[..., :2]), axis=(1, 2)) & np.all(np.isfinite(unit), axis=1)
     return Schedule(

@@ -193,9 +193,10 @@ def _searched(
     batch: Batch,
     ratio: Float[Numbers, "r k"],
     known: Bool[Numbers, " r"],
+    recovers: bool = False,
 ) -> tuple[Float[Numbers, "r n m"], Float[Numbers, "r n"], Noise]:
     """Gains, deviations of the prediction errors, and noise of `filtered`, with the integration steps of the `batch`;
-    other arguments as there."""
+    `recovers` as in `kalman_filter`, other arguments as there."""
     deflection = z0 * drive.friction.Fs / drive.friction.sigma0
 
     def one(
@@ -237,6 +238,7 @@ def _searched(
                 spread,
                 substeps=batch.steps,
                 samples=batch.samples,
+                recovers=recovers,
             )
             # Beyond the samples that are run there is no variance.
             relative = jnp.where(valid > 0.0, found.variance / noise**2, 1.0)
@@ -267,12 +269,13 @@ def filtered_in_pieces(
     ratio: Float[np.ndarray, "r k"],
     known: Bool[np.ndarray, " r"],
     substeps: int,
+    recovers: bool = False,
 ) -> tuple[Positions, Noise]:
     """`filtered`, two recordings at a time, for which one program is compiled, and on all cores.
 
     **Arguments:**
 
-    - `drive`, `z0`, `batch`, `ratio`, `known`, `substeps`: as in `filtered`.
+    - `drive`, `z0`, `batch`, `ratio`, `known`, `substeps`: as in `filtered`; `recovers`: as in `kalman_filter`.
 
     **Returns:**
 
@@ -283,7 +286,7 @@ def filtered_in_pieces(
 
     def run(piece: Piece) -> tuple[Float[Numbers, "w n m"], Float[Numbers, "w n"], Noise]:
         own = (z0[piece.lanes], finer.piece(piece), ratio[piece.lanes], known[piece.lanes])
-        return jax.block_until_ready(_searched_in_piece(drive, *own))
+        return jax.block_until_ready(_searched_in_piece(drive, *own, recovers=recovers))
 
     with ThreadPoolExecutor(min(len(pieces), os.cpu_count() or 1)) as threads:
         parts = list(zip(pieces, threads.map(run, pieces), strict=True))
