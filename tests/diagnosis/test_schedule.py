@@ -9,9 +9,10 @@ from helpers_estimation import FINE, PLANT, closed_loop, open_loop
 from frictionjax.diagnosis.base_model import likeliest
 from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
-from frictionjax.diagnosis.evidence.model import Model
+from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
 from frictionjax.diagnosis.evidence.pace import at_pace, free_mass_bandwidth, pace_of, schedule_of
+from frictionjax.diagnosis.evidence.views import view
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
@@ -98,6 +99,21 @@ def _with_gains_of(machine, batch, pace):
     own = at_pace(posterior, pace, schedule_of(other, there, pace))
     fitted = descend(own, vector, graduate=False, steps=0)
     return Model(own, fitted, judge(own, fitted))
+
+
+def test_predictions_and_their_map_have_the_gains_that_judge(batch):
+    """By two roads: what a view predicts one sample ahead, and what the model was judged by."""
+    found = _with_gains_of(STEEP, batch, pace_of(STEEP, batch, FITTED))
+    scene = scene_of(found, ("slow",))
+    assert scene.varying is not None and scene.white.all() and scene.of(np.array([0])).white.all()
+    seen = view(found.judgement, scene)
+    (judged,) = found.posterior.errors_at([found.fitted.vector])
+    np.testing.assert_allclose(seen.e, judged, rtol=1e-9, atol=1e-9)
+    x, used = np.asarray(batch.x), np.asarray(batch.valid) > 0
+    unit = np.asarray(batch.noise)[:, None] * scene.varying.unit
+    np.testing.assert_allclose(((x - seen.one_sample) / unit)[used], judged[used], rtol=1e-9, atol=1e-9)
+    constant = dataclasses.replace(scene, varying=None)
+    assert np.std(view(found.judgement, constant).e[used]) != pytest.approx(np.std(judged[used]), rel=0.01)
 
 
 def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):

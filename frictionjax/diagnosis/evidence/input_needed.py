@@ -7,7 +7,6 @@ from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.estimation.data.batch import rows_of
 
 NOT_DRIVEN = (
     "u does not drive x: the model predicts the held-out recordings as well without any input. Check that u is the "
@@ -30,11 +29,11 @@ def input_is_needed(model: Model, predicted: View, scene: Scene, *, rule: Rule =
     if scene.batch.imposed:
         return True
     own, rows = model.judgement, np.flatnonzero(scene.held_out)
-    batch = rows_of(scene.batch, rows)  # type: ignore[arg-type]
-    silent = eqx.tree_at(lambda b: b.u, batch, np.zeros_like(np.asarray(batch.u)))
-    names = tuple(scene.names[row] for row in rows)
-    held_out = Scene(silent, scene.held_out[rows], scene.bandwidth[rows], names)
-    alone = Judgement(own.drive, own.deflection[rows], own.power[rows], own.held_out[rows], silent)
+    driven = scene.of(rows)
+    u = np.zeros_like(np.asarray(driven.batch.u))  # type: ignore[attr-defined]
+    held_out = eqx.tree_at(lambda s: s.batch.u, driven, u)
+    batch = held_out.batch
+    alone = Judgement(own.drive, own.deflection[rows], own.power[rows], own.held_out[rows], batch)
     without = held_out_error(view(alone, held_out), held_out)
     return is_worse(without, held_out_error(predicted, scene), rule=rule)
 

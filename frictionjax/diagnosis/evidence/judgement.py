@@ -1,30 +1,65 @@
 """How well a model predicts the recordings it was fitted to, and the held-out ones."""
 
 import equinox as eqx
+import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import paired_lead, shares, whole_misfits, within
-from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch
+from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch, rows_of
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
+from frictionjax.simulation import Gains
 
 
 class Scene(eqx.Module):
     """All recordings of a case, as the mismatch map and the plots use them.
 
     **Attributes:** `batch` (fit and held-out recordings), `held_out` (bool, shape `(r,)`), `bandwidth` of the observer
-    of each (Hz, shape `(r,)`; 0 where the motion is imposed and there is none), `names` of the recordings.
+    of each (Hz, shape `(r,)`; 0 where the motion is imposed and there is none), `names` of the recordings, `varying`
+    (gains of the observer and unit of its innovations where they vary along a recording; None where none does).
     """
 
     batch: AbstractBatch
     held_out: Bool[np.ndarray, " r"]
     bandwidth: Float[np.ndarray, " r"]
     names: tuple[str, ...] = eqx.field(static=True)
+    varying: "Varying | None" = None
+
+    @property
+    def white(self) -> Bool[np.ndarray, " r"]:
+        """Whether the innovations of a true model are white in each recording, shape `(r,)`: those of a Kalman filter,
+        whose gains vary, and the errors of an imposed motion's force."""
+        imposed = np.asarray(self.bandwidth) == 0.0
+        return imposed if self.varying is None else imposed | np.asarray(self.varying.varies)
+
+    def of(self, rows: Int[np.ndarray, " k"]) -> "Scene":
+        """The recordings `rows` alone."""
+        names = tuple(self.names[row] for row in rows)
+        own = self.varying and self.varying.of(rows)
+        return Scene(rows_of(self.batch, rows), self.held_out[rows], self.bandwidth[rows], names, own)
+
+
+class Varying(eqx.Module):
+    """Gains that vary along a recording.
+
+    **Attributes:** `gains` (shape `(r, n)`), `unit` (standard deviation of the innovations of a perfect model over that
+    of the sensor's noise, shape `(r, n)`), `varies` (in which recordings they do, shape `(r,)`).
+    """
+
+    gains: Gains
+    unit: Float[np.ndarray, "r n"]
+    varies: Bool[np.ndarray, " r"]
+
+    def of(self, rows: Int[np.ndarray, " k"], length: int | None = None) -> "Varying":
+        """Those of the recordings `rows`, up to `length` samples."""
+        return jax.tree.map(
+            lambda leaf: np.asarray(leaf)[rows][:, :length] if leaf.ndim > 1 else np.asarray(leaf)[rows], self
+        )
 
 
 class Judgement(eqx.Module):

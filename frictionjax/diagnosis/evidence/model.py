@@ -1,9 +1,12 @@
 """A fitted model structure, and how well it predicts the recordings."""
 
 import equinox as eqx
+import jax
+import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
+from frictionjax.diagnosis.evidence.judgement import Judgement, Scene, Varying
 from frictionjax.estimation.descent.robust import Fitted
+from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
 
@@ -19,8 +22,12 @@ class Model(eqx.Module):
 
 def scene_of(model: Model, names: tuple[str, ...]) -> Scene:
     """All recordings, of these `names`, as the `model` observes them: with its integration steps and its observer."""
-    posterior, held_out = model.posterior, model.judgement.held_out
-    return Scene(posterior.batch, held_out, posterior.recordings.bandwidth, names)
+    posterior, held_out, varying = model.posterior, model.judgement.held_out, None
+    recordings = posterior.recordings
+    if isinstance(recordings, Observed) and np.any(recordings.varies):
+        numbers = (recordings.gains, recordings.unit, recordings.varies)
+        varying = Varying(*jax.tree.map(np.asarray, numbers))
+    return Scene(posterior.batch, held_out, recordings.bandwidth, names, varying)
 
 
 def is_chaotic(model: Model) -> bool:

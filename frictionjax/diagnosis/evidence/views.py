@@ -14,7 +14,7 @@ from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.evidence.imposed_views import view_of_forces
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.estimation.data.batch import Batch, rows_of
-from frictionjax.estimation.data.pieces import Piece, lanes_of, pieces_of, put_together
+from frictionjax.estimation.data.pieces import Piece, lanes_of, padded, pieces_of, put_together
 from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import Before
 from frictionjax.simulation import (
@@ -161,7 +161,8 @@ def _view_of_rows(
     `length` samples; `far` as in `view`."""
     batch = rows_of(scene.batch, rows)
     slowest = float(np.max(np.asarray(batch.dt)))
-    gains = observer_gains(scene.bandwidth[rows], batch.dt)
+    varying = scene.varying and scene.varying.of(rows, length)
+    gains = observer_gains(scene.bandwidth[rows], batch.dt) if varying is None else varying.gains
     names = ("free", "ahead", "force", "v", "bend", "innovation", *(("one_second",) if far else ()))
     fields: dict[str, list] = {name: [] for name in names}
     pieces = pieces_of(batch.lengths)
@@ -169,7 +170,12 @@ def _view_of_rows(
         part = batch.piece(piece)
         first, bandwidth = np.asarray(batch.x)[piece.lanes, 0], np.asarray(force_bandwidth(slowest))
         bent = judgement.deflection[rows][piece.lanes]
-        found = _along(judgement.drive, part, lanes_of(gains, piece), bent, first, bandwidth)
+        own = (
+            lanes_of(gains, piece)
+            if varying is None
+            else Gains(padded(gains.position, piece), padded(gains.velocity, piece))
+        )
+        found = _along(judgement.drive, part, own, bent, first, bandwidth)
         fields["ahead"].append(_ahead(judgement.drive, found, piece, part, horizon))
         if far:
             fields["one_second"].append(_ahead(judgement.drive, found, piece, part, round(1.0 / slowest)))
@@ -179,7 +185,8 @@ def _view_of_rows(
         name: put_together(list(zip(pieces, parts, strict=True)), rows.size, length)
         for name, parts in fields.items()
     }
-    unit = np.asarray(batch.noise * innovation_gain(gains))[:, None]
+    relative = np.asarray(innovation_gain(gains))[:, None] if varying is None else varying.unit
+    unit = np.asarray(batch.noise)[:, None] * relative
     whole["one_sample"] = np.asarray(batch.x)[:, :length] - whole["innovation"]
     whole["e"] = whole.pop("innovation") / unit * np.asarray(batch.valid)[:, :length]
     return whole

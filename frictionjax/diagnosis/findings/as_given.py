@@ -126,8 +126,7 @@ def where_it_misses(
     rows = np.flatnonzero(given.there & (np.abs(given.free) < _FAR).all(axis=1))
     if not rows.size:
         return None
-    names = tuple(scene.names[row] for row in rows)
-    part = Scene(rows_of(scene.batch, rows), scene.held_out[rows], scene.bandwidth[rows], names)
+    part = scene.of(rows)
     own: View = rows_of(base, rows)
     simulated = dataclasses.replace(own, free=given.free[rows], e=_errors(given.free[rows], part))
     grid = grid_along(simulated, drive, plant, part, floor[rows], mapping)

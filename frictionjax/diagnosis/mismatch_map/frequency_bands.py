@@ -52,7 +52,7 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
         q = np.exp(-2j * np.pi * frequency * dt)
         force = np.abs(1.0 - np.exp(-2.0 * np.pi * bandwidth * dt) * q) ** -4.0
         sensor = np.abs(1.0 - q) ** 4 * force
-        if bandwidth == 0.0:  # no observer: all noise of an imposed motion's force is white
+        if scene.white[row]:  # of a Kalman filter, and all noise of an imposed motion's force
             force = sensor = np.ones(frequency.size)
         part = float(np.mean(1.0 / floor[row, :length]))
         mixed = part * sensor / sensor.mean() + (1.0 - part) * force / force.mean()
