@@ -39,7 +39,8 @@ class DiscriminationTask(AbstractTask):
     - `machine`: a `Drive` without either effect, or several by name; axes as in `SimulationTask`.
     - `first`, `second`: the effects, with strengths of a typical size; None: the machine as it is. The axis `size`
         multiplies their strengths.
-    - `experiment`: an `Experiment`, or several by name; its noise must not be zero.
+    - `experiment`: an `Experiment`, or several by name; noise and encoder step must not both be zero. The step counts
+        as white noise of its size over the root of 12.
     - `free`: names of the parameters that are refitted beside the strengths; None: all of the base model.
     - `refit_steps`: at most; 0: the linear projection alone.
     - `units`: name of a result -> its unit.
@@ -68,7 +69,8 @@ class DiscriminationTask(AbstractTask):
         require_x64()
         check_axes(self.machine, self.experiment, tuple(axis for axis in axes if axis != SIZE))
         several = [self.experiment] if isinstance(self.experiment, Experiment) else self.experiment.values()
-        if "noise" not in axes and not all(float(one.noise) > 0.0 for one in several):
+        noisy = {"noise", "encoder_step"} & set(axes) or all(_noise(one) > 0.0 for one in several)
+        if not noisy:
             raise InputError(
                 "an experiment has no noise: without it, anything can be distinguished",
                 place="`experiment`",
@@ -99,7 +101,7 @@ class DiscriminationTask(AbstractTask):
                 _grown(self.second, size),
                 {"experiment": np.asarray(experiment.input(key, drive))},
                 experiment.sample_rate,
-                float(experiment.noise),
+                _noise(experiment),
                 free=self.free,
                 refit_steps=self.refit_steps,
                 substeps=experiment.substeps,
@@ -108,6 +110,11 @@ class DiscriminationTask(AbstractTask):
             return Outcome({}, [one_line(error)])
         result = {"d_prime": found.d_prime, "power": found.probability, "converged": found.converged}
         return Outcome(joined([kept(result)]), [""])
+
+
+def _noise(experiment: Experiment) -> float:
+    """Standard deviation of the measured position in an `experiment`, quantisation included."""
+    return float(np.hypot(float(experiment.noise), float(experiment.encoder_step) / np.sqrt(12.0)))
 
 
 def _grown(effect: AbstractEffect | None, size: float) -> AbstractEffect | None:

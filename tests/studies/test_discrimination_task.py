@@ -49,7 +49,17 @@ def test_a_case_in_which_two_effects_are_one_fails_with_a_reason():
 def test_without_noise_anything_can_be_told_apart():
     with pytest.raises(InputError, match="an experiment has no noise"):
         Study(Factorial(), DiscriminationTask(TABLE_I, LOAD, None, Experiment()))
-    Study(Factorial(Axis("noise", [1e-8])), DiscriminationTask(TABLE_I, LOAD, None, Experiment()))
+    for axis in ("noise", "encoder_step"):
+        Study(Factorial(Axis(axis, [1e-8])), DiscriminationTask(TABLE_I, LOAD, None, Experiment()))
+
+
+def test_quantisation_is_noise():
+    def d_prime(**noise):
+        experiment = Experiment("ramp", samples=400, sample_rate=1000.0, level=1.5, **noise)
+        task = DiscriminationTask(TABLE_I, LOAD, None, experiment, refit_steps=0)
+        return float(fj.run_study(Study(Factorial(), task), progress=False)["d_prime"].squeeze())
+
+    assert d_prime(encoder_step=1e-6 * np.sqrt(12.0)) == pytest.approx(d_prime(noise=1e-6), rel=1e-9)
 
 
 def test_what_it_is_is_kept_with_the_results():
