@@ -11,6 +11,7 @@ from frictionjax.simulation.observer import Observed as Observed
 from frictionjax.simulation.observer import innovation_gain as innovation_gain
 from frictionjax.simulation.observer import innovations as innovations
 from frictionjax.simulation.observer import left_by_observer as left_by_observer
+from frictionjax.simulation.observer import left_by_varying_observer as left_by_varying_observer
 from frictionjax.simulation.observer import observe as observe
 from frictionjax.simulation.observer import observer_gains as observer_gains
 from frictionjax.simulation.prediction import predict_ahead as predict_ahead

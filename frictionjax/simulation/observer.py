@@ -15,6 +15,7 @@ import scipy
 from jaxtyping import Array, Float, Int
 
 from frictionjax.core.arrays import Numbers, known
+from frictionjax.core.programs import compiled
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
 from frictionjax.simulation.ros2 import State, Substeps, advance
@@ -72,6 +73,28 @@ def left_by_observer(x: Float[np.ndarray, "rows n"], gains: Gains) -> Float[np.n
     return np.stack(
         [scipy.signal.lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole, pole**2], own) for pole, own in pairs]
     )
+
+
+@compiled()
+def left_by_varying_observer(
+    x: Float[Numbers, "rows n"], gains: Gains, dt: Float[Numbers, " rows"]
+) -> Float[Array, "rows n"]:
+    """The same of positions `x` with `gains` that vary along the recordings, shape `(rows, n)`; `dt` s a sample."""
+
+    def one(x: Float[Array, " n"], gains: Gains, dt: Float[Array, ""]) -> Float[Array, " n"]:
+        def sample(
+            state: tuple[Float[Array, ""], Float[Array, ""]],
+            now: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+        ) -> tuple[tuple[Float[Array, ""], Float[Array, ""]], Float[Array, ""]]:
+            (position, velocity), (measured, of_position, of_velocity) = state, now
+            left = measured - position
+            velocity = velocity + of_velocity * left
+            return (position + of_position * left + dt * velocity, velocity), left
+
+        first = (x[0], jnp.zeros_like(x[0]))
+        return jax.lax.scan(sample, first, (x, gains.position, gains.velocity))[1]
+
+    return jax.vmap(one)(jnp.asarray(x), gains, jnp.asarray(dt))
 
 
 class Observed(eqx.Module):

@@ -7,6 +7,7 @@ import pytest
 from helpers_estimation import FINE, PLANT, closed_loop, open_loop
 
 from frictionjax.diagnosis.base_model import likeliest
+from frictionjax.diagnosis.base_model.credibility import reference_power
 from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, scene_of
@@ -157,6 +158,18 @@ def test_a_filter_that_lost_the_machine_makes_way_for_constant_gains(batch, monk
     assert np.ptp(recordings.gains.position) == 0.0
     recordings, _ = _asked(STEEP, batch, monkeypatch)
     assert recordings.varies.all()
+
+
+def test_no_model_is_observed_with_the_same_gains(batch):
+    """By two roads: with gains that do not vary it is what constant gains leave."""
+    posterior, _ = _observed(STEEP, batch, by_schedule=False)
+    recordings = posterior.recordings
+    constant = recordings.without_model()
+    np.testing.assert_allclose(recordings.without_model_as_observed(), constant, atol=1e-4)  # rounding
+    scheduled = _observed(STEEP, batch)[0]
+    assert np.all(reference_power(posterior) == np.asarray(batch.block_mean(constant**2)))
+    steady = np.asarray(batch.block_mean(scheduled.recordings.without_model() ** 2))
+    assert np.all(reference_power(scheduled) <= steady) and np.any(reference_power(scheduled) < steady)
 
 
 def test_fast_observers_have_constant_gains_and_pieces_keep_what_they_need(batch):

@@ -20,7 +20,7 @@ file = "run.csv"
 
 
 def _write(folder, text):
-    rows = np.column_stack([np.arange(400) / 100.0, np.sin(np.arange(400)), np.cos(np.arange(400))])
+    rows = np.column_stack([np.arange(400) / 100.0, np.sin(np.arange(400)), 0.1 * np.cos(np.arange(400))])
     np.savetxt(folder / "run.csv", rows, delimiter=",", header="t,u,x", comments="")
     (folder / "case.toml").write_text(text)
     return folder / "case.toml"

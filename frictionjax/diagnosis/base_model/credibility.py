@@ -15,6 +15,8 @@ from jaxtyping import Float
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import CLUSTER
+from frictionjax.estimation.evidence import Observed
+from frictionjax.estimation.objective.posterior import Posterior
 
 
 class Credibility(NamedTuple):
@@ -39,12 +41,25 @@ class Credibility(NamedTuple):
 def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:
     """Compare the fitted `model` with a prediction of constant velocity, by the numbers of the `rule`."""
     posterior = model.posterior
-    reference = np.asarray(posterior.batch.block_mean(posterior.recordings.without_model() ** 2))
+    reference = reference_power(posterior)
     power, count = model.judgement.power, np.asarray(posterior.batch.block_count)
     rows = np.flatnonzero(~model.judgement.held_out)
     worse = lost(reference, power, count, rule)
     failed = tuple(int(row) for row in rows if row in worse)
     return Credibility(*energy_and_lead(reference[rows], power[rows], count[rows], rule), failed)
+
+
+def reference_power(posterior: Posterior) -> Float[np.ndarray, "r b"]:
+    """Power of the innovations of each block of the recordings of the `posterior` where constant velocity is expected,
+    shape `(r, b)`. Where the gains of the observer vary, that of constant gains or that of these, whichever leaves
+    less: a filter that recovers follows the measured position, whatever its model says."""
+    recordings, batch = posterior.recordings, posterior.batch
+    reference = np.asarray(batch.block_mean(recordings.without_model() ** 2))
+    if isinstance(recordings, Observed) and np.any(recordings.varies):
+        observed = np.asarray(batch.block_mean(recordings.without_model_as_observed() ** 2))
+        less = np.minimum(reference, observed)
+        reference = np.where(np.asarray(recordings.varies)[:, None], less, reference)
+    return reference
 
 
 def lost(

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
-from frictionjax.diagnosis.base_model.credibility import lost
+from frictionjax.diagnosis.base_model.credibility import lost, reference_power
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.pace import at_pace, is_coarse, pace_of, schedule_of
@@ -85,7 +85,7 @@ def _without_lost(posterior: Posterior, ends: tuple[Float[Numbers, " q"], ...], 
     if recordings.schedule is None:
         return posterior
     best = ends[int(np.argmin(posterior.misfits(ends)))]
-    reference = np.asarray(batch.block_mean(recordings.without_model() ** 2))
+    reference = reference_power(posterior)
     power = judge(posterior, descend(posterior, best, graduate=False, steps=0)).power
     used = np.array(recordings.schedule.used)
     used[list(lost(reference, power, np.asarray(batch.block_count), rule))] = False

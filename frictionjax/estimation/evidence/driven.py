@@ -14,7 +14,14 @@ from frictionjax.estimation.data.pieces import Piece, lanes_of, padded
 from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
-from frictionjax.simulation import Gains, innovation_gain, innovations, left_by_observer, observer_gains
+from frictionjax.simulation import (
+    Gains,
+    innovation_gain,
+    innovations,
+    left_by_observer,
+    left_by_varying_observer,
+    observer_gains,
+)
 from frictionjax.simulation.lanes import innovations_side_by_side
 
 _EXPLODED = 30.0
@@ -146,6 +153,14 @@ class Observed(AbstractRecordings):
         """So many times the largest innovation without a model: no parameter can do more than replace the whole motion
         by another."""
         return _EXPLODED * np.max(np.abs(self.without_model()), axis=1)
+
+    def without_model_as_observed(self) -> Float[np.ndarray, "rows n"]:
+        """The same as `without_model` with the gains of the recordings, also where they vary."""
+        batch = self.batch
+        x, steps = np.asarray(batch.x), np.arange(batch.x.shape[1])
+        travel = (np.asarray(batch.v0) * np.asarray(batch.dt))[:, None] * steps
+        left = left_by_varying_observer(x - np.asarray(batch.x0)[:, None] - travel, self.gains, batch.dt)
+        return np.asarray(self.over_noise(np.asarray(left)))
 
     def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of an observer that expects every machine to keep its speed (`left_by_observer`)."""
