@@ -28,7 +28,6 @@ _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that i
 _CREEP_VARIANCE = 30.0
 _MEMORY = 10.0  # samples over which innovations are compared with their variance
 _LOST = 9.0  # mean square over that variance, from which the filter has lost the machine: three standard deviations
-_MOST = 1e6  # of one square over the variance
 
 
 class Filtered(eqx.Module):
@@ -122,7 +121,7 @@ def kalman_filter(
         else:
             own, surprise = alone
             expected = row @ covariance @ row + noise**2
-            surprise = surprise + (jnp.minimum(innovation**2 / expected, _MOST) - surprise) / _MEMORY
+            surprise = surprise + (innovation**2 / expected - surprise) / _MEMORY
             more = jnp.where(surprise > _LOST, innovation**2, 0.0)
             surprise = jnp.where(surprise > _LOST, 1.0, surprise)
             covariance = covariance.at[0, 0].add(more).at[1, 1].add(more / (_MEMORY * dt) ** 2)

@@ -29,6 +29,29 @@ def test_a_position_that_follows_its_target_is_found_with_its_lag():
     assert following(x, np.zeros_like(x), RATE) is None
 
 
+@pytest.mark.parametrize(
+    ("late", "slope", "noise", "follows"),
+    [
+        (30, 1.015, 0.0, True),
+        (30, 1.025, 0.0, False),
+        (30, 1.0, 0.07, True),
+        (30, 1.0, 0.13, False),
+        (900, 1.0, 0.0, True),
+        (1015, 1.0, 0.0, False),
+    ],
+)
+def test_it_must_come_as_far_and_soon(late, slope, noise, follows):
+    target, x = _servo(late)
+    x = slope * x + noise * np.std(x) * RNG.standard_normal(x.size)
+    assert (following(x, target, RATE) is not None) == follows
+
+
+def test_a_target_that_does_not_move_where_it_could_be_followed_says_nothing():
+    u, x = np.zeros(400), np.zeros(400)
+    u[-1], x[-1] = 1.0, 2.0
+    assert following(x, u, 100.0) is None
+
+
 @pytest.mark.parametrize("unit", ["deg", "rad", "input"])
 def test_units_are_the_same_for_both(unit):
     target, x = _servo()

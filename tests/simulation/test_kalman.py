@@ -87,3 +87,19 @@ def test_a_filter_that_loses_the_machine_comes_back():
     (alone, _), (found, _) = left(STAGE, False), left(STAGE, True)
     np.testing.assert_allclose(found.gain, alone.gain, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.variance, alone.variance, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("size", "loses"), [(8.0, False), (11.0, True)])
+def test_one_reading_must_be_far_off_to_lose_the_machine(size, loses):
+    """Its square, over ten samples, against nine times the variance."""
+    force, start = jnp.full(N, 1.3 * float(STAGE.friction.Fc)), tuple(map(jnp.asarray, (0.0, 0.0, 0.0)))
+    x = np.array(simulate(STAGE, force / STAGE.motor_constant, RATE, substeps=1).measured)
+    known = (jnp.asarray(1e-9), jnp.asarray(1e-9))
+
+    def filtered(x, recovers):
+        numbers = (jnp.asarray(2e-7), jnp.asarray(0.002 * float(STAGE.friction.Fc)))
+        return kalman_filter(STAGE, force, x, DT, *numbers, start, known, recovers=recovers)
+
+    x[N // 2] += size * float(np.sqrt(filtered(x, False).variance[N // 2]))
+    own, alone = filtered(x, True), filtered(x, False)
+    assert np.allclose(own.gain, alone.gain, rtol=1e-6, atol=1e-12) != loses

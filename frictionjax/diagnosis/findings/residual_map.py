@@ -87,8 +87,8 @@ def residual_model(
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
     scales = plant_scales(model.judgement.drive, model.posterior.batch)
-    fast = as_searched(model.posterior)
-    present = present_model(fast, model.fitted.vector)
+    searched = as_searched(model.posterior)
+    present = present_model(searched, model.fitted.vector)
     spot, own = _spot(present), effort.refitting
 
     def test(item: tuple[str, type[AbstractMap]]) -> list[tuple[float, str, Trial]]:
@@ -101,7 +101,7 @@ def residual_model(
 
     def converge(item: tuple[float, str, Trial]) -> ResidualModel:
         _, variable, trial = item
-        posterior, vector = extend(fast, model.fitted.vector, trial.form, scales)
+        posterior, vector = extend(searched, model.fitted.vector, trial.form, scales)
         count, rows = len(posterior.layout), np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         vector = changed(vector, np.concatenate([np.arange(count), count + rows]), trial.vector)
         first = descend(posterior, vector, steps=own.map_steps, tolerance=own.map_tolerance)

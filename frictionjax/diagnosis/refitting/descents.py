@@ -31,11 +31,11 @@ Vector = Float[Numbers, " q"]
 class Start:
     """What all candidates of a round start from.
 
-    **Attributes:** `model` (without them), `fast` (its objective with the fast observer, of the first part of long
-    recordings) and `whole` (of all of them), its `misfit` by the first, that of the `best` candidate that was refitted
-    before (infinite where none was), `scales` (the plant's sizes), `graduate`
-    (whether descents begin with a wide loss), `ratio` (part of the inertia that stick lacks, or None), `pair`
-    (antiresonance and resonance, or None), `base_effects` (how many the base model has), `rule`, `effort`.
+    **Attributes:** `model` (without them), `fast` (its objective with the observers of a search, of the first part
+    of long recordings) and `whole` (of all of them), its `misfit` by the first, that of the `best` candidate that
+    was refitted before (infinite where none was), `scales` (the plant's sizes), `graduate` (whether descents begin
+    with a wide loss), `ratio` (part of the inertia that stick lacks, or None), `pair` (antiresonance and resonance,
+    or None), `base_effects` (how many the base model has), `rule`, `effort`.
     """
 
     model: Model
@@ -169,7 +169,7 @@ def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
 
 def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
     """The `candidate` after its last descent, with the slow observer, and judged. Where it ends above the model without
-    it, the fast observer led it astray, and it starts again from there: a richer model never explains less."""
+    it, the first descent led it astray, and it starts again from there: a richer model never explains less."""
     found, rule = candidate.fitted.vector, start.rule
     slow = candidate.posterior.on_recordings_of(start.whole).at_bandwidth(SLOW_BANDWIDTH)
     if has_contacts(candidate.trial.form):

@@ -123,7 +123,7 @@ def _start(
         fast=fast,
         whole=whole,
         misfit=misfit,
-        best=math.inf if best is None else _with_fast_observer(best, fast),
+        best=math.inf if best is None else _misfit_of_search(best, fast),
         scales=scales,
         # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
         graduate=model.posterior.batch.imposed,
@@ -146,7 +146,7 @@ def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) ->
     return (part, there) if there > budget.searched_part * misfit else (whole, misfit)
 
 
-def _with_fast_observer(model: Model, searched: Posterior) -> float:
+def _misfit_of_search(model: Model, searched: Posterior) -> float:
     """The misfit of the `model` with the observers of a search, on the recordings that are `searched`."""
     own = as_searched(model.posterior).on_recordings_of(searched)
     return float(own.misfits([model.fitted.vector])[0])

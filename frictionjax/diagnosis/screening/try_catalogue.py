@@ -94,9 +94,9 @@ def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
 
 def _presents(model: Model, executor: Executor, effort: Effort) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
-    fast, vector = as_searched(model.posterior), model.fitted.vector
-    present = executor.submit(present_model, fast, vector)
-    if fast.batch.imposed or fast.misfits([vector])[0] < effort.screening.level:
+    searched, vector = as_searched(model.posterior), model.fitted.vector
+    present = executor.submit(present_model, searched, vector)
+    if searched.batch.imposed or searched.misfits([vector])[0] < effort.screening.level:
         return [present.result()]
-    level = level_out(fast, vector)
-    return [present.result(), present_model(fast, level)]
+    level = level_out(searched, vector)
+    return [present.result(), present_model(searched, level)]

@@ -10,9 +10,10 @@ _NOT_COMPLETE = "the named effects explain nearly all; this one explains too lit
 def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:
     """Whether the candidate of a `row` may enter the model by the `rule`, and if not, why not.
 
-    The model with it must be clearly likelier, and so on the recordings that it was fitted to and on the held-out ones,
-    which determined nothing of it. What is periodic along the stroke must be recorded to repeat in it. Beside other
-    names, or where the model without it is adequate, it must explain at least a `least_share` of the misfit.
+    The model with it must be clearly likelier on all recordings, and likelier on those that it was fitted to and on the
+    held-out ones, which determined nothing of it. What is periodic along the stroke must be recorded to repeat in it.
+    Beside other names, or where the model without it is adequate, it must explain at least a `least_share` of the
+    misfit.
     """
     gains = row.gains(rule)
     if not gains.repeats:
