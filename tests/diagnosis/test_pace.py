@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_are
 
 from frictionjax.diagnosis.evidence import pace as pace_module
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of
-from frictionjax.diagnosis.evidence.pace import as_searched, free_mass_bandwidth, pace_of
+from frictionjax.diagnosis.evidence.pace import free_mass_bandwidth, pace_of, search_bandwidth
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
@@ -56,13 +56,32 @@ def test_a_machine_that_slides_is_observed_like_a_free_mass():
     assert optimum <= pace * SLOW_BANDWIDTH < 2.0 * optimum
 
 
-def test_effects_are_searched_through_the_slow_observer_of_a_coarse_sensor():
-    for noise, bandwidth in ((COARSE, None), (1e-8, FAST_BANDWIDTH)):
-        batch = _batch(noise)
-        pace = pace_of(PLANT, batch, FITTED)
-        posterior, _ = robust_posterior(PLANT, batch, FITTED, pace=pace)
-        (searched,) = as_searched(posterior).recordings.bandwidth
-        assert searched == pytest.approx(bandwidth or SLOW_BANDWIDTH * pace[0])
+@pytest.mark.parametrize(("noise", "bandwidth"), [(1e-8, FAST_BANDWIDTH), (COARSE, SLOW_BANDWIDTH)])
+def test_effects_are_searched_through_the_slow_observer_of_a_coarse_sensor(noise, bandwidth):
+    batch = _batch(noise)
+    off = _with_friction(Fc=0.5 * PLANT.friction.Fc, Fs=0.5 * PLANT.friction.Fs)
+    posterior, vector = robust_posterior(off, batch, FITTED, pace=pace_of(PLANT, batch, FITTED))
+    assert search_bandwidth(posterior, vector) == bandwidth
+
+
+@pytest.mark.parametrize(
+    ("fast", "slow", "bandwidth"), [(1.2, 0.8, FAST_BANDWIDTH), (0.8, 1.2, SLOW_BANDWIDTH)]
+)
+def test_of_a_coarse_sensor_the_observer_that_shows_more_of_what_is_missing_searches(
+    fast, slow, bandwidth, monkeypatch
+):
+    class Shown:
+        """An objective whose misfit is known."""
+
+        def at_bandwidth(self, asked):
+            self.asked = asked
+            return self
+
+        def misfits(self, vectors):
+            return np.full(len(vectors), fast if self.asked == FAST_BANDWIDTH else slow)
+
+    monkeypatch.setattr(pace_module, "is_coarse", lambda posterior: True)
+    assert search_bandwidth(Shown(), np.zeros(3)) == bandwidth
 
 
 def test_an_effect_of_the_base_model_changes_no_free_mass():

@@ -143,10 +143,18 @@ def is_coarse(posterior: Posterior) -> bool:
     return isinstance(recordings, Observed) and bool(np.any(np.asarray(recordings.pace) < 1.0))
 
 
-def as_searched(posterior: Posterior) -> Posterior:
-    """The `posterior` with the observers through which effects are searched for: fast ones, which tolerate a model that
-    is far off; of coarse sensors the slow ones, as a fast one shows their noise and little else."""
-    return posterior.at_bandwidth(SLOW_BANDWIDTH if is_coarse(posterior) else FAST_BANDWIDTH)
+def search_bandwidth(posterior: Posterior, vector: Float[Numbers, " q"]) -> float:
+    """Bandwidth, Hz, of the observers through which effects are searched for beside the model at the `vector`.
+
+    That of the fast ones, which tolerate a model that is far off. Through a coarse sensor they may show its noise and
+    little else: there it is that of the observers that show more of what the model misses.
+    """
+    if not is_coarse(posterior):
+        return FAST_BANDWIDTH
+    fast, slow = (
+        posterior.at_bandwidth(one).misfits([vector])[0] for one in (FAST_BANDWIDTH, SLOW_BANDWIDTH)
+    )
+    return FAST_BANDWIDTH if fast > slow else SLOW_BANDWIDTH
 
 
 def with_evidence(posterior: Posterior, evidence: AbstractRecordings) -> Posterior:

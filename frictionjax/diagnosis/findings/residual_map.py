@@ -10,7 +10,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.pace import as_searched
+from frictionjax.diagnosis.evidence.pace import search_bandwidth
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
@@ -87,7 +87,7 @@ def residual_model(
     **Returns:** the `ResidualModel`, or None when no map can be computed.
     """
     scales = plant_scales(model.judgement.drive, model.posterior.batch)
-    searched = as_searched(model.posterior)
+    searched = model.posterior.at_bandwidth(search_bandwidth(model.posterior, model.fitted.vector))
     present = present_model(searched, model.fitted.vector)
     spot, own = _spot(present), effort.refitting
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.pace import as_searched
+from frictionjax.diagnosis.evidence.pace import search_bandwidth
 from frictionjax.diagnosis.refitting.backlash_search import load_ratio
 from frictionjax.diagnosis.refitting.descents import (
     Candidate,
@@ -116,14 +116,15 @@ def refit_balanced(
 def _start(
     model: Model, scales: dict[str, float], hints: Hints, best: Model | None, rule: Rule, effort: Effort
 ) -> Start:
-    whole = as_searched(model.posterior)
+    bandwidth = search_bandwidth(model.posterior, model.fitted.vector)
+    whole = model.posterior.at_bandwidth(bandwidth)
     fast, misfit = _searched(whole, model.fitted.vector, effort)
     return Start(
         model=model,
         fast=fast,
         whole=whole,
         misfit=misfit,
-        best=math.inf if best is None else _misfit_of_search(best, fast),
+        best=math.inf if best is None else _misfit_of_search(best, fast, bandwidth),
         scales=scales,
         # Under an imposed motion nothing helps a wrong model along its way: each minimum of the base model has a wall.
         graduate=model.posterior.batch.imposed,
@@ -146,9 +147,10 @@ def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) ->
     return (part, there) if there > budget.searched_part * misfit else (whole, misfit)
 
 
-def _misfit_of_search(model: Model, searched: Posterior) -> float:
-    """The misfit of the `model` with the observers of a search, on the recordings that are `searched`."""
-    own = as_searched(model.posterior).on_recordings_of(searched)
+def _misfit_of_search(model: Model, searched: Posterior, bandwidth: float) -> float:
+    """The misfit of the `model` with the observers of a search of this `bandwidth`, on the recordings that are
+    `searched`."""
+    own = model.posterior.at_bandwidth(bandwidth).on_recordings_of(searched)
     return float(own.misfits([model.fitted.vector])[0])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.pace import as_searched
+from frictionjax.diagnosis.evidence.pace import search_bandwidth
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.periods import Wavelengths, wavelengths
 from frictionjax.diagnosis.screening.resonance import Pair
@@ -94,7 +94,8 @@ def _as_chosen(trial: Trial, waves: dict[str, Wavelengths]) -> Trial:
 
 def _presents(model: Model, executor: Executor, effort: Effort) -> list[Present]:
     """The model as it is; and, where it is far from the noise, also where it misses all regimes alike."""
-    searched, vector = as_searched(model.posterior), model.fitted.vector
+    posterior, vector = model.posterior, model.fitted.vector
+    searched = posterior.at_bandwidth(search_bandwidth(posterior, vector))
     present = executor.submit(present_model, searched, vector)
     if searched.batch.imposed or searched.misfits([vector])[0] < effort.screening.level:
         return [present.result()]
