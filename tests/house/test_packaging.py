@@ -1,8 +1,11 @@
 """What is published: one address, a README whose links work away from the repository, extras that exist, a citation."""
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
+
+import pytest
 
 REPOSITORY = Path(__file__).parents[2]
 FOUND = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
@@ -16,6 +19,25 @@ def _readme_of_an_index():
     for change in HOOK["substitutions"]:
         text = re.sub(change["pattern"], change["replacement"], text)
     return text
+
+
+def test_nothing_lies_about_at_the_top():
+    tracked = subprocess.run(["git", "ls-files"], cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    if tracked.returncode:
+        pytest.skip("this is no checkout")
+    papers = {
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "CONTRIBUTING.md",
+        "LICENSE",
+        "README.md",
+        "SECURITY.md",
+    }
+    assert {name for name in tracked.stdout.split("\n") if name and "/" not in name} == papers | {
+        ".gitignore",
+        "pyproject.toml",
+    }
 
 
 def test_there_is_one_address():
