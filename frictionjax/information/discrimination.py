@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from frictionjax.core import InputError, require_x64
-from frictionjax.core.progress import Progress, silent
+from frictionjax.core.progress import Progress, reporting
 from frictionjax.information.candidate_experiments import (
     Candidate,
     Rejected,
@@ -92,7 +92,7 @@ def rank_for_discrimination(
     v0: Numbers = 0.0,
     z0: Numbers | None = None,
     substeps: int = 2,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> Discrimination:
     """Rank candidate experiments by how well they discriminate between `first` and `second` as what `drive` leaves out.
 
@@ -128,7 +128,7 @@ def rank_for_discrimination(
     - `x0`, `v0`: known position and velocity at each start, position units and position/s; likewise.
     - `z0`: known bristle deflection at each start, position units; None: as in `fisher_information`.
     - `substeps`: steps per sample, see `simulate`.
-    - `progress`: called after each candidate.
+    - `progress`: called after each candidate; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -152,29 +152,30 @@ def rank_for_discrimination(
     for model in models:
         values_of(model.layout, model.drive)
     entries, rejected = [], []
-    for done, (name, group) in enumerate(zip(choice.names, choice.groups, strict=True)):
-        session = plan.of(group)
-        runs = [model.run(session) for model in models]
-        peaks = {key: float(np.max([run.peaks[key] for run in runs])) for key in ("x", "v")}
-        peaks["u"] = max(float(np.max(np.abs(u))) for u in session.inputs)
-        broken = broken_limits(name, peaks, allowed)
-        if broken is not None:
-            rejected.append(broken)
-        else:
-            for run in runs:
-                finite_or_error(run, session)
-            place, ways = len(drive.effects), []
-            for effect, truth, rival, own in zip(
-                (first, second), runs, models[::-1], runs[::-1], strict=True
-            ):
-                way = (
-                    distance(rival, own, truth, session, place, refit_steps)
-                    if effect is not None
-                    else _ALWAYS_FITS
-                )
-                ways.append(way)
-            entries.append(_entry(name, ways, names, refit_steps))
-        progress(f"refits of candidate {name!r}", (done + 1) / len(choice.names))
+    with reporting(progress) as report:
+        for done, (name, group) in enumerate(zip(choice.names, choice.groups, strict=True)):
+            session = plan.of(group)
+            runs = [model.run(session) for model in models]
+            peaks = {key: float(np.max([run.peaks[key] for run in runs])) for key in ("x", "v")}
+            peaks["u"] = max(float(np.max(np.abs(u))) for u in session.inputs)
+            broken = broken_limits(name, peaks, allowed)
+            if broken is not None:
+                rejected.append(broken)
+            else:
+                for run in runs:
+                    finite_or_error(run, session)
+                place, ways = len(drive.effects), []
+                for effect, truth, rival, own in zip(
+                    (first, second), runs, models[::-1], runs[::-1], strict=True
+                ):
+                    way = (
+                        distance(rival, own, truth, session, place, refit_steps)
+                        if effect is not None
+                        else _ALWAYS_FITS
+                    )
+                    ways.append(way)
+                entries.append(_entry(name, ways, names, refit_steps))
+            report(f"refits of candidate {name!r}", (done + 1) / len(choice.names))
     if not entries:
         raise InputError(
             " ".join(one.sentence for one in rejected),

@@ -16,7 +16,7 @@ import scipy
 from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
 from frictionjax.core import InputError, require_x64
-from frictionjax.core.progress import Progress, silent
+from frictionjax.core.progress import Progress, reporting
 from frictionjax.core.safe import real
 from frictionjax.estimation.parameters import Free
 from frictionjax.information.criteria import (
@@ -84,7 +84,7 @@ def optimise_multisine(
     v0: Real[ArrayLike, ""] = 0.0,
     z0: Real[ArrayLike, ""] | None = None,
     substeps: int = 2,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> DesignedMultisine:
     """Optimise the amplitudes of a multisine, at constant power, for its information about the parameters of `drive`.
 
@@ -113,7 +113,7 @@ def optimise_multisine(
     - `x0`, `v0`: known position and velocity at the start, position units and position/s.
     - `z0`: known bristle deflection at the start, position units; None: as in `fisher_information`.
     - `substeps`: steps per sample, see `simulate`.
-    - `progress`: called after each step.
+    - `progress`: called after each step; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -156,9 +156,10 @@ def optimise_multisine(
         value, slope = _value_and_slope(layout, judge, shape, plan.substeps, problem, real(theta))
         return float(value), np.array(slope)
 
-    progress("multisine: compiling", 0.0)
     stages = [np.arange(first.size) < len(lines)] + [np.ones(first.size, bool)] * optimise_phases
-    theta, history = _climbed(value_and_slope, first, stages, steps, criterion == "A", progress)
+    with reporting(progress) as report:
+        report("multisine: compiling", 0.0)
+        theta, history = _climbed(value_and_slope, first, stages, steps, criterion == "A", report)
     return _designed(
         layout, drive, plan, shape, found, known, scale, theta, history - float(judge(before)), question
     )

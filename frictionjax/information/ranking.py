@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError, require_x64
-from frictionjax.core.progress import Progress, silent
+from frictionjax.core.progress import Progress, reporting
 from frictionjax.information.candidate_experiments import (
     Candidate,
     Rejected,
@@ -115,7 +115,7 @@ def rank_experiments(
     v0: Numbers = 0.0,
     z0: Numbers | None = None,
     substeps: int = 2,
-    progress: Progress = silent,
+    progress: Progress | bool = True,
 ) -> Ranking:
     """Rank candidate experiments on `drive` by the information they would add to what is known.
 
@@ -148,7 +148,7 @@ def rank_experiments(
     - `x0`, `v0`: known position and velocity at each start, position units and position/s; likewise.
     - `z0`: known bristle deflection at each start, position units; None: as in `fisher_information`.
     - `substeps`: steps per sample, see `simulate`.
-    - `progress`: called after each record.
+    - `progress`: called after each record; True: a bar on a terminal and in a notebook; False: nothing.
 
     **Returns:**
 
@@ -169,9 +169,10 @@ def rank_experiments(
     before = known_rows(known, names, values_of(layout, drive))
     question = question_of(criterion, of, names)
     records = []
-    for index, record in enumerate(planned_records(layout, drive, plan)):
-        records.append(record)
-        progress(f"information of {plan.labels[index]}", (index + 1) / len(plan.inputs))
+    with reporting(progress) as report:
+        for index, record in enumerate(planned_records(layout, drive, plan)):
+            records.append(record)
+            report(f"information of {plan.labels[index]}", (index + 1) / len(plan.inputs))
     kept, rejected = [], []
     for name, group in zip(choice.names, choice.groups, strict=True):
         peaks = {

@@ -105,6 +105,7 @@ class DiscriminationTask(AbstractTask):
                 free=self.free,
                 refit_steps=self.refit_steps,
                 substeps=experiment.substeps,
+                progress=False,
             ).best
         except InputError as error:  # a case in which the machine runs away is a result
             return Outcome({}, [one_line(error)])

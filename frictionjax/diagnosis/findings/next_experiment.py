@@ -86,7 +86,9 @@ def next_experiment(accepted: Refitted, rival: Refitted) -> NextExperiment | Non
     break_away = float(drive.friction.Fs) / float(drive.motor_constant)
     candidates = {name: jnp.asarray(u) for name, u in plain_experiments(break_away, rate).items()}
     noise = float(np.median(np.asarray(batch.noise)))
-    ranked = rank_for_discrimination(without, own, its, candidates, rate, noise, refit_steps=_STEPS)
+    ranked = rank_for_discrimination(
+        without, own, its, candidates, rate, noise, refit_steps=_STEPS, progress=False
+    )
     best = ranked.best
     seconds = _SECONDS * max((_WANTED / best.d_prime) ** 2, 1.0) if best.d_prime > 0.0 else np.inf
     if not seconds < _LONGEST:
