@@ -126,7 +126,11 @@ def _check(commands: Any) -> None:
 
 def _case(commands: Any) -> None:
     command = _command(
-        commands, "case", "case files", "Case files: what recordings cannot say of themselves."
+        commands,
+        "case",
+        "case files",
+        "Case files: what recordings cannot say of themselves.",
+        "frictionjax case new run1.csv run2.csv --holdout run3.csv > case.toml",
     )
     actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     new = _command(
@@ -292,6 +296,8 @@ def _demo(commands: Any) -> None:
         "demo",
         "diagnose a simulated machine, then compare with the truth",
         "Write a case of a simulated machine, diagnose it, and print the true model beside the verdict.",
+        "frictionjax demo",
+        "frictionjax demo --seed 7 --out other-demo",
     )
     command.add_argument(
         "--out",
@@ -312,6 +318,7 @@ def _paper(commands: Any) -> None:
         "the figures and tables of Hensen, van de Molengraft, Steinbuch (2002), reproduced",
         "Run every experiment of the paper on synthetic machines, in about two minutes: figures as PNG and "
         "SVG, and tables.json with every number beside its reference value.",
+        "frictionjax paper --out figures",
     )
     command.add_argument(
         "--out",

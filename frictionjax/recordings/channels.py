@@ -160,7 +160,8 @@ def _time(
             file=file,
             place=entry.spot.at(),
             cure="Add sample_rate = 2000.0 (samples per second), or say which column is time: "
-            f'columns = {{t = "..."}}; the file has: {listed(table.names)}',
+            f'columns = {{t = "..."}}. On the command line: --sample-rate 2000 or --columns t=...; the file has: '
+            f"{listed(table.names)}",
         )
     return np.arange(columns["x"].size) / entry.sample_rate, 1.0 / entry.sample_rate
 

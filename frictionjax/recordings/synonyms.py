@@ -5,11 +5,24 @@ import re
 from frictionjax.recordings.units import split_unit
 
 SYNONYMS: dict[str, tuple[str, ...]] = {
-    "t": ("time", "timestamp", "elapsed", "elapsed time", "sec", "seconds", "zeit", "temps"),
+    "t": (
+        *(
+            "time",
+            "timestamp",
+            "time stamp",
+            "datetime",
+            "date time",
+            "elapsed",
+            "elapsed time",
+            "sec",
+            "seconds",
+        ),
+        *("zeit", "zeitstempel", "temps"),
+    ),
     "u": (
         *("input", "current", "voltage", "motor current", "motor voltage", "command", "cmd", "control"),
         *("control input", "i", "iq", "motor torque", "torque command", "commanded torque", "drive torque"),
-        *("actuation", "effort", "pwm", "duty", "strom", "spannung", "stellgrösse"),
+        *("actuation", "effort", "pwm", "duty", "strom", "spannung", "stellgrösse", "iststrom"),
     ),
     "x": (
         *("position", "pos", "angle", "theta", "phi", "q", "y", "displacement", "encoder", "actual position"),
@@ -21,6 +34,8 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
             "winkel",
             "weg",
             "lage",
+            "istwert",
+            "istposition",
         ),
     ),
     "force": ("friction", "friction force", "friction torque", "f", "measured force", "kraft", "load cell"),

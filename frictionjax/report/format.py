@@ -118,7 +118,10 @@ def quantities(values: Sequence[float], unit: str, digits: int = 3) -> list[str]
     factor, label = engineering(
         unit, max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     )
-    return [f"{number(v * factor, digits)} {label}".strip() if math.isfinite(v) else DASH for v in values]
+    times = "×" if label.startswith("10") else " "
+    return [
+        f"{number(v * factor, digits)}{times}{label}".strip() if math.isfinite(v) else DASH for v in values
+    ]
 
 
 def estimate_text(estimate: Estimate) -> str:
