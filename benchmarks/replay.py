@@ -25,6 +25,8 @@ from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTable
 from frictionjax.diagnosis.table import table_of
 
 RESULTS = Path(__file__).parent / "results"
+STUDIED = "likelihood"
+"""The folder of `RESULTS` whose lines are of case files, for `benchmarks.likelihood`: not of the bank."""
 OUTCOMES = ("right", "class", "other name", "unknown", "adequate", "off the path", "no table")
 """The first name is right; is in the class of the first name; is another; no name. Then what could not be decided."""
 
@@ -55,6 +57,11 @@ def once(lines: Iterable[dict]) -> list[dict]:
         if job not in kept or (_comparisons(line) and not _comparisons(kept[job])):
             kept[job] = line
     return list(kept.values())
+
+
+def stored_lines() -> list[Path]:
+    """The files of the lines of the bank that are kept."""
+    return sorted(path for path in RESULTS.glob("*/*.jsonl*") if path.parent.name != STUDIED)
 
 
 def sides_of(line: dict) -> Iterator[Side]:
@@ -175,7 +182,7 @@ def main() -> None:
         "--lines", nargs="+", type=Path, help="files of `benchmarks.bank` (.jsonl, .jsonl.gz)"
     )
     arguments = parser.parse_args()
-    paths = arguments.lines or sorted(RESULTS.glob("*/*.jsonl*"))
+    paths = arguments.lines or stored_lines()
     rule = read_rule(arguments.rule)
     found = score(once(lines_of(paths)), rule)
     today = Rule().numbers()

@@ -49,6 +49,13 @@ def test_the_rule_of_today_says_what_the_lines_do(lines):
     assert found.counts["nothing missing"] == {"adequate": 1}
 
 
+def test_every_line_that_is_kept_names_its_machine():
+    paths = replay.stored_lines()
+    assert {path.parent.name for path in paths} > {"bank", "bank_agreement"}
+    kept = replay.once(replay.lines_of(paths))
+    assert sum(bool(line.get("comparisons")) for line in kept) >= 40
+
+
 def test_a_machine_counts_once_by_the_line_that_has_tables(lines):
     bare = {key: value for key, value in lines[0].items() if key != "comparisons"}
     assert replay.once([bare, *lines, bare]) == lines
