@@ -31,6 +31,10 @@ OUTCOMES = ("right", "class", "other name", "unknown", "adequate", "off the path
 """The first name is right; is in the class of the first name; is another; no name. Then what could not be decided."""
 
 
+UNANSWERED = ("floor", "credible", "testable", "residual", "place", "limits.unmeasured")
+"""Groups and numbers of the rule that act before or after what the tables hold: no table answers for them."""
+
+
 class Side(NamedTuple):
     """One stored search: the `plan` of its machine, what is `missing`, what was `said` (verdict, names, classes), and
     its `comparisons` (None where the line has none)."""
@@ -184,9 +188,14 @@ def main() -> None:
     arguments = parser.parse_args()
     paths = arguments.lines or stored_lines()
     rule = read_rule(arguments.rule)
-    found = score(once(lines_of(paths)), rule)
     today = Rule().numbers()
     changed = {name: value for name, value in rule.numbers().items() if value != today[name]}
+    unanswered = [name for name in changed if name in UNANSWERED or name.split(".")[0] in UNANSWERED]
+    if unanswered:
+        parser.error(
+            f"{', '.join(unanswered)}: stored tables hold nothing that depends on it. Diagnose anew."
+        )
+    found = score(once(lines_of(paths)), rule)
     sys.stdout.write(f"rule: {changed or 'of today'}\n\n| plan | {' | '.join(OUTCOMES)} |\n")
     sys.stdout.write("|---" * (len(OUTCOMES) + 1) + "|\n")
     for plan, counts in sorted(found.counts.items()):

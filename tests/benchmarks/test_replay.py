@@ -99,3 +99,12 @@ def test_the_command_prints_a_table(tmp_path, lines, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["replay", "limits.one=0.05", "--lines", str(path)])
     replay.main()
     assert "{'limits.one': 0.05}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("group", ["floor", "credible", "testable", "residual", "place"])
+def test_numbers_that_no_table_depends_on_are_refused(group, monkeypatch, capsys):
+    own = next(one for one in Rule().numbers() if one.startswith(f"{group}."))
+    monkeypatch.setattr("sys.argv", ["replay", f"{own}={2.0 * Rule().numbers()[own]}"])
+    with pytest.raises(SystemExit, match="2"):
+        replay.main()
+    assert "Diagnose anew" in capsys.readouterr().err
