@@ -12,12 +12,12 @@ from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.stepper import Ending, Stepper
+from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
 from frictionjax.estimation.objective.robust import graduated
 
-_GRADUATION = (0.95, 0.8, 0.5)  # quantiles of the block powers that set the scale of the loss, in turn
 _LEVEL = 0.95  # quantile of the block powers that is the scale of the loss: blocks below it count as in least squares
 _STEPPER = Stepper()
 
@@ -69,9 +69,9 @@ def descend(
     """
     point = _point(posterior, vector)
     if graduate:
-        for quantile in _GRADUATION:
+        for quantile in GRADUATION:
             scale = _scale(posterior, point, quantile)
-            if scale > 1.2:
+            if scale > AT_THE_NOISE:
                 point, _, _ = _steps(graduated(posterior, scale), point, 4, 0.05)
     point, near, ending = _steps(graduated(posterior, 1.0), point, steps, tolerance)
     misfit = misfit_of(np.asarray(near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)

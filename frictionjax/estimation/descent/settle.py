@@ -8,11 +8,9 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
-from frictionjax.estimation.objective.loss import Cauchy
+from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION, Cauchy
 from frictionjax.estimation.objective.posterior import Posterior
 
-_QUANTILES = (0.95, 0.8, 0.5)  # of the block powers: scales of the loss, in turn, before it is at the noise
-_AT_THE_NOISE = 1.2  # a scale below this many noise powers is as good as at the noise
 _STEPS = 4  # of Levenberg-Marquardt at one scale of the loss; the first only evaluates the start
 _ROUNDS = 6  # with the scale at the noise, at most
 _ENOUGH = 0.05  # a round at the noise that takes less than this part off the cost is the last
@@ -130,12 +128,12 @@ def settle(
     powers = np.asarray(_powers(posterior, vectors, each))
     best, least = vectors, _costs(powers, count)
     units = None
-    for quantile in (*_QUANTILES, *(None,) * _ROUNDS):
+    for quantile in (*GRADUATION, *(None,) * _ROUNDS):
         if quantile is None:
             scales = np.ones(len(least))
         else:
             scales = _scales(powers, count > 0, quantile)
-            if np.all(scales < _AT_THE_NOISE):
+            if np.all(scales < AT_THE_NOISE):
                 continue
         if units is None:
             units = _units(posterior, vectors, each)

@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from frictionjax.core.arrays import Numbers, known
+from frictionjax.estimation.data.batch import BLOCK
 from frictionjax.estimation.data.pieces import Piece, lanes_of, padded, pieces_of
 from frictionjax.estimation.evidence.base import AbstractMeasurement
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation.imposed import imposed_friction
 
-_BLOCK = 0.05  # s
 # Part of the force's standard deviation that the first noise level is at least: no model of friction comes nearer to a
 # machine, and with a sensor's noise far below it the descent would follow the few blocks that fit best.
 _FIRST_NOISE = 0.01
@@ -111,7 +111,7 @@ def make_forces(recordings: tuple[Recording, ...], given: tuple[float | None, ..
     """Motion-driven `recordings` side by side in `Forces`; their first noise is that of the force's fourth differences,
     or more. `given`: noise of each that is known, or None."""
     rate = float(np.median([r.sample_rate for r in recordings]))
-    block = max(round(_BLOCK * rate), 8)
+    block = max(round(BLOCK * rate), 8)
     longest = max(r.x.size for r in recordings)
     whole = -(-longest // block) * block
 

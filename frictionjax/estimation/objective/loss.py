@@ -33,6 +33,12 @@ class Gaussian(AbstractLoss):
         return numpy_or_jax(power).ones_like(power)
 
 
+GRADUATION = (0.95, 0.8, 0.5)
+"""Quantiles of the block powers that set the scale of the loss, in turn, before it is at the noise."""
+AT_THE_NOISE = 1.2
+"""A scale below this many noise powers is as good as at the noise."""
+
+
 class Cauchy(AbstractLoss):
     """rho = (1 + t^2) log(1 + b/t^2): every block counts by its relative error, and one break-away cannot outvote all.
 
