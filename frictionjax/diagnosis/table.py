@@ -215,8 +215,8 @@ def whole_misfits(misfits: Both, rule: Rule) -> Both:
 def repeats(waves: Iterable[tuple[float, bool]], rule: Rule) -> bool:
     """Whether the stroke holds enough of each of the `waves`, by the `rule`.
 
-    A wave that the stroke does not hold whole bends to any force that depends on the position; beside another force, a
-    wave with its overtone bends to whatever that one leaves, unless it comes twice.
+    A part of a wave can imitate any force that depends on the position; beside another such force, a wave with its
+    overtone can imitate whatever that one leaves, unless it is recorded twice.
     """
     return all(
         count >= (rule.accept.waves_beside if beside else rule.accept.waves) for count, beside in waves

@@ -45,8 +45,8 @@ class MissingEffect:
 
     **Attributes:** `effect` (its name), `effect_class` (every effect that these recordings cannot distinguish from it,
     itself included), `confidence` in [0, 1], `p_value` under the model without it but with the effects named before
-    it (it is from the round in which this one was found), `parameters` (name to `Estimate`), `where` (words; the place
-    of the base model's mismatch, the same for every effect), `split_by` (the experiment that would distinguish the
+    it (it is from the round in which this one was found), `parameters` (name to `Estimate`), `where` (words: the
+    place of the mismatch that this effect removes), `split_by` (the experiment that would distinguish the
     members of the class; empty when it has one), `sentence` (what the effect is, in plain words), `next_experiment` (a
     `NextExperiment` that distinguishes it from the nearest of its class, or None), `evidence` (the four numbers that
     `confidence` comes from: `Evidence` in `confidence.py`).

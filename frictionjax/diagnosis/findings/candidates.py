@@ -8,7 +8,9 @@ from frictionjax.diagnosis.verdict import Candidate
 from frictionjax.physics.effects import catalogue
 
 _NO_MOTION = "the recordings hold no motion that would show it"
-_NOTHING_LEFT = "not tested: what carries the motor force leaves nothing to test it by"
+_NOTHING_LEFT = (
+    "not tested: without the force that carries the machine the base model is too far off for a test"
+)
 
 
 def candidates(

@@ -4,7 +4,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
 from frictionjax.diagnosis.table import Comparison, Lead, Table, within
 
-_NOT_COMPLETE = "the named effects explain nearly all; this one explains too little of the rest"
+_NOT_COMPLETE = "what is named explains nearly all of the misfit; of the rest this effect explains too little"
 
 
 def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:

@@ -14,7 +14,7 @@ from frictionjax.physics import Drive
 
 _MOVED = (
     "The extended model does not reach the noise floor, so its parameters may be biased. Their errors include how far "
-    "each goes when another effect that clearly gains is tried beside what is named, and may still be too small."
+    "each moves when another effect that improves the fit is added, and may still be too small."
 )
 
 
