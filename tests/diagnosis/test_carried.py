@@ -112,10 +112,10 @@ def test_what_makes_a_model_of_none_is_accepted_whatever_share_it_explains():
     assert np.isclose(row().gains(RULE).share, 0.4)
 
 
-def test_what_was_not_tested_after_it_says_that_nothing_was_left_to_test_it_by():
+def test_what_was_not_tested_after_it_says_why():
     first = SimpleNamespace(
         trials=[], refits=[], compared=[row(makes_credible=True)], accepted=None, dropped=""
     )
     reasons = {one.effect: one.reason for one in candidates([first], {}, {"delay": "too slow"})}
-    assert reasons["ripple"].startswith("not tested: what carries the motor force")
+    assert reasons["ripple"].startswith("not tested: without the force that carries the machine")
     assert reasons["delay"] == "too slow"
