@@ -29,8 +29,6 @@ STUDIED = "likelihood"
 """The folder of `RESULTS` whose lines are of case files, for `benchmarks.likelihood`: not of the bank."""
 OUTCOMES = ("right", "class", "other name", "unknown", "adequate", "off the path", "no table")
 """The first name is right; is in the class of the first name; is another; no name. Then what could not be decided."""
-
-
 UNANSWERED = ("floor", "credible", "testable", "residual", "place", "limits.unmeasured")
 """Groups and numbers of the rule that act before or after what the tables hold: no table answers for them."""
 

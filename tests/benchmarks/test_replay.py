@@ -101,9 +101,9 @@ def test_the_command_prints_a_table(tmp_path, lines, monkeypatch, capsys):
     assert "{'limits.one': 0.05}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("group", ["floor", "credible", "testable", "residual", "place"])
+@pytest.mark.parametrize("group", ["floor", "credible", "testable", "residual", "place", "limits.unmeasured"])
 def test_numbers_that_no_table_depends_on_are_refused(group, monkeypatch, capsys):
-    own = next(one for one in Rule().numbers() if one.startswith(f"{group}."))
+    own = next(one for one in Rule().numbers() if one == group or one.startswith(f"{group}."))
     monkeypatch.setattr("sys.argv", ["replay", f"{own}={2.0 * Rule().numbers()[own]}"])
     with pytest.raises(SystemExit, match="2"):
         replay.main()
