@@ -26,7 +26,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.select import Selection
 from frictionjax.diagnosis.selection.step import Step
-from frictionjax.diagnosis.table import Table, table_json
+from frictionjax.diagnosis.table import OtherDecision, Table, table_json
 from frictionjax.recordings import Plant, Recording
 
 pipeline = importlib.import_module("frictionjax.diagnosis.diagnose")
@@ -116,10 +116,12 @@ def round_in_numbers(step: Step) -> dict:
     }
 
 
-def stored(tables: Sequence[Table]) -> dict:
-    """The `tables` of a selection as a line keeps them, with the rule that made them: for `benchmarks.replay`."""
+def stored(tables: Sequence[Table], decided: Sequence[OtherDecision] = ()) -> dict:
+    """The `tables` of a selection as a line keeps them, with what else was `decided` and the rule that made them: for
+    `benchmarks.replay`."""
     made_by = {"rule": dataclasses.asdict(Rule()), "rounds": Effort().rounds}
-    return made_by | {"tables": [table_json(table) for table in tables]}
+    others = [dataclasses.asdict(one) for one in decided]
+    return made_by | {"tables": [table_json(table) for table in tables], "decided": others}
 
 
 def diagnosed(job: dict, *, left_out: bool = False, own: bool = True) -> dict:
@@ -182,7 +184,7 @@ def diagnosis_and_line(job: dict, *, left_out: bool = False, own: bool = True) -
         "base": {k: e.value for k, e in found.base.items()},
         "truth": simulated.truth["base"],
         "steps": [round_in_numbers(step) for step in kept["own"].steps],
-        "comparisons": stored(found.comparisons),
+        "comparisons": stored(found.comparisons, found.decided),
         "held": {
             r.name: [r.prediction_rmse_base, r.prediction_rmse_extended, r.noise_floor]
             for r in found.recordings

@@ -13,23 +13,28 @@ that are not given keep today's values.
 import argparse
 import gzip
 import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from frictionjax.diagnosis.evidence.input_needed import INPUT, input_is_needed
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.stored_tables import NotStored, StoredTables, decide_again
-from frictionjax.diagnosis.table import table_of
+from frictionjax.diagnosis.table import OtherDecision, table_of
 
 RESULTS = Path(__file__).parent / "results"
 STUDIED = "likelihood"
 """The folder of `RESULTS` whose lines are of case files, for `benchmarks.likelihood`: not of the bank."""
 OUTCOMES = ("right", "class", "other name", "unknown", "adequate", "off the path", "no table")
 """The first name is right; is in the class of the first name; is another; no name. Then what could not be decided."""
-UNANSWERED = ("floor", "credible", "testable", "residual", "place", "limits.unmeasured")
+UNANSWERED = (
+    *("floor", "testable", "residual", "place", "limits.unmeasured"),
+    *(f"credible.{name}" for name in ("energy", "lead", "loud", "least_clusters")),
+)
 """Groups and numbers of the rule that act before or after what the tables hold: no table answers for them."""
 
 
@@ -86,12 +91,20 @@ def _comparisons(run: dict) -> dict[str, Any] | None:
 
 
 def decided(side: Side, rule: Rule) -> Decision:
-    """What the `rule` makes of the stored comparisons of a `side`. Raises `NotStored` where it leads off their path."""
+    """What the `rule` makes of the stored comparisons of a `side`, and of the error without input where that is stored,
+    too: where the input is not needed nothing is diagnosed. Raises `NotStored` where it leads off their path."""
     stored = side.comparisons
     if stored is None:
         raise NotStored("the line has no table")
     made_by = rule_of(stored["rule"], old=True)
     tables = [table_of(content) for content in stored["tables"]]
+    others = {one["about"]: one["numbers"] for one in stored.get("decided", ())}
+    if INPUT in others:
+        numbers = {name: math.inf if value is None else value for name, value in others[INPUT].items()}
+        if not input_is_needed(OtherDecision(INPUT, numbers), rule):
+            return Decision((), "unknown", True, 1.0, ())
+    elif rule.credible.driven != made_by.credible.driven:
+        raise NotStored("the line has no error without input")
     return decide_again(StoredTables(tables, made_by, rule), rule, stored["rounds"])
 
 

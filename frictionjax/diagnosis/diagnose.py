@@ -18,11 +18,11 @@ from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed
+from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed, with_and_without_input
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
-from frictionjax.diagnosis.evidence.views import View, held_out_error, view
+from frictionjax.diagnosis.evidence.views import View, view
 from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_as_given, where_it_misses
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
@@ -31,9 +31,13 @@ from frictionjax.diagnosis.findings.next_experiment import experiments_for
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
 from frictionjax.diagnosis.findings.residual_map import (
     ResidualModel,
+    map_is_used,
+    map_tables,
     other_shape_note,
     over_position,
+    rejected_note,
     residual_model,
+    with_and_without_map,
 )
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
@@ -67,10 +71,6 @@ _UNDETERMINED = (
 _NOT_MEANINGFUL = (
     "Without {} the base model predicts no better than assuming constant velocity; its own parameters are not "
     "meaningful."
-)
-_MAP_REJECTED = (
-    "A map of the residual force over {} lowers the held-out misfit, but the held-out error rises from {:.3g} to "
-    "{:.3g} times the noise: the map is not used."
 )
 
 
@@ -135,12 +135,13 @@ def _diagnose(
     def progress_of_base(stage: str, fraction: float) -> None:
         progress(stage, 0.02 + 0.2 * fraction)
 
-    case, starting, base, said = base_with_likelier_hold(
+    case, starting, base, said, tables = base_with_likelier_hold(
         case, starting, executor, progress_of_base, rule=rule
     )
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     credible, error = credibility(base, rule=rule), ""
+    decided = [credible.decision]
     untestable, barred_forms = not_testable(case, starting.batch, rule=rule)
     untestable |= rejected
     untestable |= {effect.name: "it is part of the base model" for effect in starting.own.effects}
@@ -151,6 +152,7 @@ def _diagnose(
         if heavy is not None:
             base, balanced = heavy.base, lambda: heavy.forces
             credible = credibility(base, rule=rule)
+            decided.append(credible.decision)
         else:
             progress("checking sign and inertia", 0.2)
             error = mistake(case, lambda other: _base_alone(other, executor, rule), rule=rule)
@@ -186,7 +188,8 @@ def _diagnose(
             base_view = view(base.judgement, scene, far=True)
             clock.stage("judging")
             seconds = clock.report(compiling)
-            return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds)
+            own = tuple(tables), tuple(decided)
+            return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds, *own)
         notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in accepted)))
     base = steps[0].before
     last = accepted[-1].model if accepted else base
@@ -204,6 +207,7 @@ def _diagnose(
     if decision.verdict == "unknown":
         progress("mapping the residual force", 0.82)
         residual = residual_model(last, steps[-1].floor, executor, rule=rule, effort=effort)
+        tables = (*tables, *map_tables(residual))
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
     progress("predicting every recording", 0.86)
@@ -217,18 +221,18 @@ def _diagnose(
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
-    if not input_is_needed(final, extended_view, scene, rule=rule):
+    decided.append(with_and_without_input(final, extended_view, scene))
+    if not input_is_needed(decided[-1], rule):
         values = of_base.result()[0]
         warnings = _warnings(case, values, message_of(base), tuple(notes))
         clock.stage("judging")
-        return not_diagnosed(
-            case, base, scene, base_view, values, warnings, NOT_DRIVEN, clock.report(compiling)
-        )
+        seconds, own = clock.report(compiling), ((*tables, *selection.tables), tuple(decided))
+        return not_diagnosed(case, base, scene, base_view, values, warnings, NOT_DRIVEN, seconds, *own)
     if residual is not None and residual.helps:
         last_view = base_view if last is base else view(last.judgement, scene, far=True)
-        before, after = (held_out_error(predicted, scene) for predicted in (last_view, extended_view))
-        if after > before:
-            notes.append(_MAP_REJECTED.format(residual.variable, before, after))
+        decided.append(with_and_without_map(last_view, extended_view, scene))
+        if not map_is_used(decided[-1]):
+            notes.append(rejected_note(residual, decided[-1]))
             residual, final, extended_view = None, last, last_view
             of_final = None if final is base else parameters(final)
     floor, mapping, of_named = steps[-1].floor, executor.map, of_final
@@ -290,7 +294,8 @@ def _diagnose(
         warnings=_warnings(case, base_parameters, message_of(base), tuple(notes)),
         seconds=clock.report(compiling),
         within=located.within,
-        comparisons=(*selection.tables, *tables_of(afterwards, decision.rounds)),
+        comparisons=(*selection.tables, *tables, *tables_of(afterwards, decision.rounds)),
+        decided=tuple(decided),
         rule=rule,
         effort=effort,
         unmeasured=unmeasured,
@@ -365,7 +370,9 @@ def _unexplained(
     variable = residual.variable if residual.helps else ""
     if variable:
         where = f"{where}; carried by {variable}"
-    return Unexplained(present, share, where, variable, residual.gains.share_holdout if variable else 0.0)
+    return Unexplained(
+        present, share, where, variable, residual.row.gains(rule).share_holdout if variable else 0.0
+    )
 
 
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:

@@ -177,6 +177,17 @@ class Table:
         raise KeyError(f"rows {row} and {other} of table {self.key} were not compared")
 
 
+@dataclasses.dataclass(frozen=True)
+class OtherDecision:
+    """What was decided by a few numbers of two models, not by their likelihood above a floor: no table holds it.
+
+    **Attributes:** `about` (what was decided), `numbers` (by name).
+    """
+
+    about: str
+    numbers: Mapping[str, float]
+
+
 def table_of_one(key: str, asked: tuple[str, ...], row: Comparison, *, chaotic: bool, imposed: bool) -> Table:
     """A table of the comparison `row` alone; the other arguments are those of a `Table`."""
     errors = row.misfit_errors

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
-from frictionjax.diagnosis.table import table_of
+from frictionjax.diagnosis.table import OtherDecision, table_of
 from frictionjax.diagnosis.verdict import (
     Candidate,
     Ceiling,
@@ -86,6 +86,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             seconds=dict(root.table("seconds").content),
             within=tuple(Within(**_numbered(entry.content)) for entry in root.listed("mismatch_within")),
             comparisons=tuple(table_of(entry.content) for entry in searched.listed("tables")),
+            decided=tuple(map(_decision_of, searched.content.get("decided", ()))),
             rule=_rebuilt(Rule(), searched.table("rule").content),
             effort=_rebuilt(Effort(), searched.table("effort").content),
             unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
@@ -95,6 +96,12 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, folder / "verdict.json") from error
+
+
+def _decision_of(content: Mapping[str, Any]) -> OtherDecision:
+    """The decision of this `content`; JSON has no infinity."""
+    numbers = {name: math.inf if value is None else value for name, value in content["numbers"].items()}
+    return OtherDecision(content["about"], numbers)
 
 
 def _if_there(root, name: str, kind: Callable[..., _T]) -> _T | None:

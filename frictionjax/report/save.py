@@ -133,15 +133,16 @@ def verdict_json(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def comparisons_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The content of comparisons.json, schema `frictionjax.comparisons/1`: every comparison of two models that the
-    search of the `diagnosis` made, with the rule and the effort of the search; and the residual force of the extended
-    model along each recording, for which fit/*.csv has no column."""
+    """The content of comparisons.json, schema `frictionjax.comparisons/1`: every comparison of two models that
+    the `diagnosis` made, what else it decided by numbers, with the rule and the effort of the search; and the residual
+    force of the extended model along each recording, for which fit/*.csv has no column."""
     content = {
         "schema": COMPARISONS,
         "case": diagnosis.case,
         "rule": dataclasses.asdict(diagnosis.rule),
         "effort": dataclasses.asdict(diagnosis.effort),
         "tables": [table_json(table) for table in diagnosis.comparisons],
+        "decided": [dataclasses.asdict(one) for one in diagnosis.decided],
         "experiments": {found.effect: found.next_experiment for found in diagnosis.missing},
         "residual_force_extended": {
             recording.name: [float(f"{force:.9g}") for force in recording.residual_force_extended.tolist()]

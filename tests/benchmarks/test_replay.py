@@ -10,13 +10,15 @@ from helpers_rule import row, table
 pytest.importorskip("numba")
 
 from benchmarks import diagnosis, replay
+from frictionjax.diagnosis.evidence.input_needed import INPUT
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import table_json
+from frictionjax.diagnosis.table import OtherDecision, table_json
 
 
-def _stored(*tables):
+def _stored(*tables, decided=()):
     own = [table_json(one) for one in tables]
-    return {"rule": dataclasses.asdict(Rule()), "rounds": 3, "tables": own}
+    others = [dataclasses.asdict(one) for one in decided]
+    return {"rule": dataclasses.asdict(Rule()), "rounds": 3, "tables": own, "decided": others}
 
 
 def _line(seed, missing, names, verdict="named", *, comparisons=None, left=None):
@@ -68,6 +70,19 @@ def test_another_rule_says_something_else(lines):
     assert found.others == ["left out, delay (1): unknown creep, was named creep"]
     found = replay.score(lines, replay.rule_of({"floor.colour": 3.0}))
     assert found.counts["one effect"] == {"off the path": 1, "no table": 1}
+
+
+@pytest.mark.parametrize(("driven", "verdict"), [(0.1, "named"), (0.6, "unknown")])
+def test_a_machine_that_does_not_need_its_input_is_not_diagnosed(lines, driven, verdict):
+    with_input = OtherDecision(INPUT, {"error": 2.0, "error_without_input": 3.0})
+    delay = table(row((0.99, 0.99), effect="delay", exact=(True,)))
+    line = _line(1, ["delay"], ["delay"], comparisons=_stored(delay, decided=(with_input,)))
+    rule = replay.rule_of({"credible.driven": driven})
+    (side,) = replay.sides_of(line)
+    assert replay.decided(side, rule).verdict == verdict
+    if driven != Rule().credible.driven:
+        found = replay.score(lines, rule)
+        assert found.counts["one effect"] == {"off the path": 1, "no table": 1}
 
 
 def test_a_rule_is_read_from_files_and_words(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from helpers_arm import ARM, NOISE
 
 from frictionjax.core import silent
-from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold, likelier, with_hold
+from frictionjax.diagnosis.base_model.input_hold import HOLD, base_with_likelier_hold, likelier, with_hold
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.estimation.data.batch import make_batch
@@ -64,13 +64,15 @@ def test_the_likelier_input_is_kept_and_said(case, monkeypatch, power, hold):
     monkeypatch.setattr(f"{module}.starting_point", lambda case: SimpleNamespace(**vars(starting), case=case))
     monkeypatch.setattr(f"{module}.base_of", lambda given, *more, **named: fitted.append(given) or models[0])
     monkeypatch.setattr(f"{module}.fit_base", lambda *given, like, **named: models[1])
-    found, kept, base, (sentence,) = base_with_likelier_hold(case, starting, None, silent)
+    found, kept, base, (sentence,), (table,) = base_with_likelier_hold(case, starting, None, silent)
     assert found.plant.hold == hold and base is models[0]
     assert (kept is starting) == (hold == "zero") and len(fitted) == (1 if hold == "zero" else 2)
     samples = float(np.asarray(batch.block_count)[0].sum())
-    lead = likelier(models[1].judgement, models[0].judgement)[1]
-    assert lead.total == pytest.approx(0.5 * samples * abs(1.0 - power), rel=0.02)
-    assert f"is {lead.total:.3g} ± {lead.error:.2g} higher than with an input that is" in sentence
+    (row,) = table.rows
+    assert table.asked == (HOLD,) and likelier(row) == hold
+    nats = 2.0 * np.array([abs(row.fit.total), row.fit.error])
+    assert nats[0] == pytest.approx(0.5 * samples * abs(1.0 - power), rel=0.02)
+    assert f"is {nats[0]:.3g} ± {nats[1]:.2g} higher than with an input that is" in sentence
 
 
 @pytest.mark.slow
@@ -80,7 +82,7 @@ def test_the_input_that_was_is_found_with_the_plant(hold):
     plant = Plant(1.0, "rad", "N*m", "N*m", hold="auto")
     case = Case("coarse", plant, [_recording(number, hold) for number in range(3)])
     with ThreadPoolExecutor(2) as executor:
-        found, starting, base, said = base_with_likelier_hold(case, starting_point(case), executor, silent)
+        found, starting, base, said, _ = base_with_likelier_hold(case, starting_point(case), executor, silent)
     assert found.plant.hold == hold
     drive = base.judgement.drive
     assert drive.hold == hold and starting.start.drives[0].hold == hold
@@ -102,5 +104,5 @@ def test_a_known_input_is_taken_as_it_is(monkeypatch):
     for hold in ("zero", "linear"):
         known = with_hold(case, hold)
         assert [drive.hold for drive in starting_point(known).start.drives[:1]] == [hold]
-        assert base_with_likelier_hold(known, starting_point(known), None, silent)[3] == ()
+        assert base_with_likelier_hold(known, starting_point(known), None, silent)[3:] == ((), ())
     assert len(fitted) == 2

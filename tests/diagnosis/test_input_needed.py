@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from frictionjax.diagnosis import Effort, diagnose
-from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, is_worse
+from frictionjax.diagnosis.base_model.credibility import CREDIBLE, Credibility
+from frictionjax.diagnosis.evidence.input_needed import INPUT, NOT_DRIVEN, input_is_needed
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import OtherDecision
 from frictionjax.recordings import Case, Plant, Recording
 
 RATE = 1000.0
@@ -24,11 +27,18 @@ def test_a_motion_that_its_input_does_not_make_gets_no_name():
     found = diagnose(Case("rings", Plant(motor_constant=1.0), recordings), effort=Effort(rounds=1))
     assert (found.verdict, found.missing) == ("unknown", ())
     assert found.summary.startswith((NOT_DRIVEN, "Check that u is what drives x"))
+    decided = {one.about: one for one in found.decided}
+    credible = Credibility(**decided[CREDIBLE].numbers, failed=()).is_credible()
+    assert not credible or not input_is_needed(decided[INPUT], Rule())
 
 
 def test_an_error_that_stays_needs_no_input():
-    assert not is_worse(1.0, 1.0)
-    assert not is_worse(0.5, 1.0)
-    assert is_worse(2.0, 1.0)
-    assert is_worse(float("inf"), 1.0)
-    assert is_worse(float("nan"), 1.0)
+    for without, needed in (
+        (1.0, False),
+        (0.5, False),
+        (2.0, True),
+        (float("inf"), True),
+        (float("nan"), True),
+    ):
+        compared = OtherDecision(INPUT, {"error": 1.0, "error_without_input": without})
+        assert input_is_needed(compared, Rule()) == needed

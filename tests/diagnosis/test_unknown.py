@@ -16,9 +16,12 @@ from frictionjax.diagnosis.base_model.fit_base import fit_base
 from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.findings.next_experiment import plain_experiments
 from frictionjax.diagnosis.findings.residual_map import (
+    MAP,
     ResidualModel,
+    map_is_used,
     other_shape_note,
     over_position,
+    rejected_note,
     residual_model,
 )
 from frictionjax.diagnosis.intake.coverage import missing_needs, not_testable
@@ -26,6 +29,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.conclusion import of_another_shape
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Decision
+from frictionjax.diagnosis.table import OtherDecision
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionForceMap, PositionLevelMap
 from frictionjax.recordings import Case, Plant
@@ -57,7 +61,8 @@ def test_a_bump_along_the_stroke_is_mapped_and_predicts_what_was_held_out():
         found = residual_model(base, np.ones((1, 1)), executor)
     assert found is not None and found.helps
     assert found.variable == "position (friction level)"
-    assert found.gains.share_fit > 0.5 and found.gains.share_holdout > 0.3
+    gains = found.row.gains(Rule())
+    assert gains.share_fit > 0.5 and gains.share_holdout > 0.3
     shape = found.model.judgement.drive.effects[-1]
     x = np.linspace(0.0, 0.1, 201)
     # What the base model may take over itself: a level that is the same everywhere.
@@ -160,6 +165,14 @@ def test_a_force_of_the_position_is_named_though_its_equation_leaves_much(
 def test_what_the_equation_and_the_map_leave_is_said():
     said = other_shape_note(("return_spring",), 0.4, 0.05)
     assert said.startswith("Named by what it depends on") and "40 % of the misfit" in said and "5 %." in said
+
+
+@pytest.mark.parametrize(("error", "used"), [(2.9, True), (3.0, True), (3.1, False)])
+def test_a_map_with_which_held_out_errors_rise_is_not_used(error, used):
+    compared = OtherDecision(MAP, {"error_without_map": 3.0, "error": error})
+    assert map_is_used(compared) is used
+    mapped = ResidualModel("velocity", None, candidate(), True)
+    assert f"rises from 3 to {error:.3g} times the noise" in rejected_note(mapped, compared)
 
 
 def _unknown(share):

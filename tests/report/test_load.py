@@ -12,7 +12,7 @@ import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.recording_fit import Unmeasured
 from frictionjax.diagnosis.rule import Limits, Rule
-from frictionjax.diagnosis.table import Comparison, Lead, Table
+from frictionjax.diagnosis.table import Comparison, Lead, OtherDecision, Table
 from frictionjax.diagnosis.verdict import MismatchBin, NextExperiment, SimulationAsGiven
 from frictionjax.report.save import comparisons_json, verdict_json
 
@@ -39,6 +39,7 @@ def _full():
         recordings=(*map(_as_given, found.recordings), fake_recording("a/b", n=200, drive="motion")),
         missing=(missing,),
         comparisons=(table,),
+        decided=(OtherDecision("input is needed", {"error": 2.5, "error_without_input": math.inf}),),
         rule=Rule(limits=Limits(one=0.0625)),
         effort=Effort(rounds=2, screening=Screening(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
@@ -65,6 +66,7 @@ def test_what_was_saved_comes_back(make, tmp_path):
     assert verdict_json(found) == verdict_json(saved)
     assert comparisons_json(found) == comparisons_json(saved)
     assert (found.rule, found.effort, found.plant) == (saved.rule, saved.effort, saved.plant)
+    assert found.decided == saved.decided
     assert found.check == saved.check
     assert found.base.keys() == saved.base.keys()
     assert repr(found) == repr(saved)

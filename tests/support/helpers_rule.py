@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from frictionjax.diagnosis.base_model.credibility import Credibility, energy_and_lead
-from frictionjax.diagnosis.evidence.input_needed import is_worse
+from frictionjax.diagnosis.evidence.input_needed import INPUT, input_is_needed
 from frictionjax.diagnosis.evidence.judgement import energy_explained
 from frictionjax.diagnosis.evidence.noise_floor import (
     Answer,
@@ -43,7 +43,7 @@ from frictionjax.diagnosis.selection.candidate_table import excused_floor, may_e
 from frictionjax.diagnosis.selection.conclusion import is_above
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import adequate, verdict_of
-from frictionjax.diagnosis.table import Comparison, Gains, Lead, Table
+from frictionjax.diagnosis.table import Comparison, Gains, Lead, OtherDecision, Table
 from frictionjax.diagnosis.verdict import MismatchBin, Unexplained, Within
 
 Probe = tuple[Callable[[Rule], Any], Any]
@@ -222,6 +222,10 @@ def _waves(count, beside):
 _BLOCKS = (20, 40, 140)  # that answer much to a force, a little, and hardly
 
 
+def _needs_input(without: float, rule: Rule) -> bool:
+    return input_is_needed(OtherDecision(INPUT, {"error": 1.0, "error_without_input": without}), rule)
+
+
 def _noise_is_stated(part: float) -> Callable[[Rule], bool]:
     """Whether the sentence of `adequate` states an unmeasured force of this `part` of the applied one."""
     force = Unmeasured(0.1, 0.5, part)
@@ -292,8 +296,8 @@ PROBES: dict[str, list[Probe]] = {
     ],
     "credible.least_clusters": [(_lead_of_clusters(3), False), (_lead_of_clusters(5), True)],
     "credible.driven": [
-        (lambda rule: is_worse(1.08, 1.0, rule=rule), False),
-        (lambda rule: is_worse(1.12, 1.0, rule=rule), True),
+        (lambda rule: _needs_input(1.08, rule), False),
+        (lambda rule: _needs_input(1.12, rule), True),
     ],
     "testable.regime": [
         (_meets("sliding", sliding=0.0015), False),

@@ -14,9 +14,12 @@ from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import OtherDecision
 from frictionjax.estimation.data.batch import CLUSTER
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.posterior import Posterior
+
+CREDIBLE = "base model is credible"
 
 
 class Credibility(NamedTuple):
@@ -36,6 +39,11 @@ class Credibility(NamedTuple):
     def is_credible(self, *, rule: Rule = Rule()) -> bool:
         """Whether the model removes half of the energy, or has a significant lead, by the `rule`."""
         return self.energy > rule.credible.energy or self.lead > rule.credible.lead
+
+    @property
+    def decision(self) -> OtherDecision:
+        """The numbers that decide it."""
+        return OtherDecision(CREDIBLE, {"energy": self.energy, "lead": self.lead})
 
 
 def credibility(model: Model, *, rule: Rule = Rule()) -> Credibility:

@@ -6,6 +6,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.findings.as_given import column_as_given, simulation_as_given
+from frictionjax.diagnosis.table import OtherDecision, Table
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case
@@ -26,6 +27,8 @@ def not_diagnosed(
     warnings: tuple[str, ...],
     cure: str,
     seconds: dict[str, float],
+    tables: tuple[Table, ...] = (),
+    decided: tuple[OtherDecision, ...] = (),
 ) -> Diagnosis:
     """The result for a `case` whose base fit is not credible: `unknown`, no effect named, every effect untested.
 
@@ -38,6 +41,7 @@ def not_diagnosed(
     - `warnings`: sentences, that of `what_to_check` first.
     - `cure`: the sentence of `mistake`, or empty.
     - `seconds`: stage -> s.
+    - `tables`, `decided`: what was compared, and what else was decided.
     """
     recordings = case.fit_recordings + case.holdout_recordings
     column = column_as_given(recordings, scene)
@@ -58,4 +62,6 @@ def not_diagnosed(
         warnings=warnings,
         seconds=seconds,
         given=given,
+        comparisons=tables,
+        decided=decided,
     )

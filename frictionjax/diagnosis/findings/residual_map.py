@@ -8,13 +8,14 @@ from jaxtyping import Float
 
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
-from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.judgement import Scene, judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.pace import search_bandwidth
+from frictionjax.diagnosis.evidence.views import View, held_out_error
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
-from frictionjax.diagnosis.table import Comparison, Gains
+from frictionjax.diagnosis.table import Comparison, Gains, OtherDecision, Table, table_of_one
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
@@ -27,6 +28,12 @@ _OTHER_SHAPE = (
     "{} says. The equation alone leaves {:.0f} % of the misfit, with a map over the position {:.0f} %."
 )
 
+_REJECTED = (
+    "A map of the residual force over {} lowers the held-out misfit, but the held-out error rises from {:.3g} to "
+    "{:.3g} times the noise: the map is not used."
+)
+MAP = "map of the residual force is used"
+
 _TAIL = 0.05  # share of the excess that is left out on either side of a spot
 _MARGIN = 1.5  # factor on the width of a spot, for its map
 
@@ -34,13 +41,13 @@ _MARGIN = 1.5  # factor on the width of a spot, for its map
 class ResidualModel(eqx.Module):
     """A map of the missing force over one variable.
 
-    **Attributes:** `variable` (in words), `model`, `gains` (over the model without it), `helps` (whether it
-    predicts held-out recordings significantly better than the model without it).
+    **Attributes:** `variable` (in words), `model`, `row` (that compares it with the model without it), `helps` (whether
+    it predicts held-out recordings significantly better than the model without it).
     """
 
     variable: str = eqx.field(static=True)
     model: Model
-    gains: Gains
+    row: Comparison = eqx.field(static=True)
     helps: bool = eqx.field(static=True)
 
 
@@ -110,13 +117,13 @@ def residual_model(
             slow, first.vector, graduate=False, steps=own.map_steps, tolerance=own.slow_tolerance
         )
         found = Model(slow, fitted, judge(slow, fitted))
-        gains = compare(model.judgement, found.judgement, floor, rule=rule).gains(rule)
-        return ResidualModel(variable, found, gains, helps(gains, rule))
+        row = compare(model.judgement, found.judgement, floor, rule=rule)
+        return ResidualModel(variable, found, row, helps(row.gains(rule), rule))
 
     tested = [found for some in executor.map(test, MAPS.items()) for found in some]
     tested.sort(key=lambda item: -item[0])
     converged = list(executor.map(converge, tested[: own.residual_maps]))
-    return max(converged, key=lambda found: found.gains.worth, default=None)
+    return max(converged, key=lambda found: found.row.gains(rule).worth, default=None)
 
 
 def over_position(
@@ -137,6 +144,32 @@ def over_position(
     if not own or residual.variable != _POSITION or not residual.helps:
         return None
     return compare(base.judgement, residual.model.judgement, floor, rule=rule), own
+
+
+def with_and_without_map(without: View, mapped: View, scene: Scene) -> OtherDecision:
+    """How well the held-out recordings of the `scene` are predicted `without` the map and with it, `mapped`, over the
+    noise."""
+    before, after = (held_out_error(predicted, scene) for predicted in (without, mapped))
+    return OtherDecision(MAP, {"error_without_map": before, "error": after})
+
+
+def map_is_used(compared: OtherDecision) -> bool:
+    """Whether the held-out error does not rise with the map, of what was `compared`."""
+    return not compared.numbers["error"] > compared.numbers["error_without_map"]
+
+
+def rejected_note(residual: ResidualModel, compared: OtherDecision) -> str:
+    """The sentence of a map, the `residual`, that is not used by what was `compared`."""
+    numbers = compared.numbers
+    return _REJECTED.format(residual.variable, numbers["error_without_map"], numbers["error"])
+
+
+def map_tables(residual: ResidualModel | None) -> tuple[Table, ...]:
+    """The comparison by which a map, the `residual`, helps, as a table that is stored; none where there is no map."""
+    if residual is None:
+        return ()
+    row, imposed = residual.row, residual.model.posterior.batch.imposed
+    return (table_of_one("map", ("map", residual.variable), row, chaotic=False, imposed=imposed),)
 
 
 def other_shape_note(names: tuple[str, ...], alone: float, mapped: float) -> str:

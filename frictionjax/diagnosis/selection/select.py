@@ -1,7 +1,7 @@
 """Select: stepwise selection of effects, each accepted only if fit and held-out recordings agree."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 
 import numpy as np
@@ -70,7 +70,7 @@ def select(
 
     Under a coarse sensor the gains of the observers are those that the base model asks for. What is found may show that
     they are wrong for the machine: where something is left, the selection is made once more with those of the model
-    that it found.
+    that it found; the tables of the first one follow those of the second.
     """
 
     def selected(base: Model) -> Selection:
@@ -80,7 +80,16 @@ def select(
 
     found = selected(model)
     again = _at_the_pace_of(found, model, rule)
-    return found if again is None else selected(again)
+    if again is None:
+        return found
+    repeated = selected(again)
+    return dataclasses.replace(repeated, tables=(*repeated.tables, *_of_first_gains(found.tables)))
+
+
+def _of_first_gains(tables: tuple[Table, ...]) -> Iterator[Table]:
+    """The `tables` of a selection that was made again with other gains, under names that no search asks for."""
+    for table in tables:
+        yield dataclasses.replace(table, key=f"first {table.key}", asked=("first gains", *table.asked))
 
 
 def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
