@@ -114,7 +114,7 @@ def diagnose(
     require_x64()
     whole = accepted(case_of(case, plant=plant), known)
     rejected = left_out_as_asked(without)
-    check(whole, effort=effort)
+    check(whole, rule=rule, effort=effort)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None
     try:
         with reporting(progress) as report:
@@ -245,7 +245,7 @@ def _diagnose(
                 of_named = parameters(last)
                 notes.append(other_shape_note(names, alone, decision.share))
     progress("mapping the mismatch", 0.95)
-    grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping)
+    grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     located = grid.located(base_view, extended_view, rule=rule)
     bins = located.bins
     (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()

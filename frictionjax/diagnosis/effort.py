@@ -24,6 +24,7 @@ class Screening:
     - `related`: how many effects that are confused with the leader are refitted with it, in all their forms.
     - `far`: misfit from which the forms that promise most are refitted although none gains.
     - `cornered`: misfit from which, under an imposed motion, every form is refitted.
+    - `fewest_waves`: along the stroke: longer periods are not tested; they are a spring or a slope.
     - `absorbed`: part of a step that base parameters undo, from which the base fit may have absorbed the effect.
     - `visible`: power of that step over the noise.
     - `most_absorbed`: how many such forms are refitted.
@@ -40,6 +41,7 @@ class Screening:
     related: int = 2
     far: float = 0.02
     cornered: float = 0.8
+    fewest_waves: float = 1.25
     absorbed: float = 0.9
     visible: float = 1.0
     most_absorbed: int = 5

@@ -29,6 +29,9 @@ class Floor:
     - `colour`: largest factor by which the colour of a recording's noise raises its floor. Noise nine tenths of which
       lie below 200 Hz has 2 at 2 kHz. Larger: a small effect that acts everywhere is lost; smaller: coloured noise is
       given a name. By hand.
+    - `chance`: standard errors that chance may add to the growth of the noise in a block, found from a few simulations;
+      below it the noise has not grown. Larger: noise that a moving machine amplifies is given a name; smaller: chance
+      in the simulations raises the floor. By hand.
     - `cap`: largest answer of a block over the median answer. Larger: one block in which a break-away came sooner
       raises the floor of its neighbours; smaller: blocks that do answer more are held to too low a floor. By hand.
     - `unpredictable`: power over that of the noise by which two runs part in a block that is left out as unpredictable.
@@ -51,6 +54,7 @@ class Floor:
     answering: float = 0.1
     largest_force: float = 0.005
     colour: float = 2.0
+    chance: float = 4.0
     cap: float = 20.0
     unpredictable: float = 1.0
     gap_force: float = 5e-4
@@ -182,12 +186,18 @@ class Testable:
     - `rest`: length of a rest that shows ageing contacts, s. As `regime`; by hand.
     - `warm_up`: length of the recordings that shows warm-up, s. As `regime`; by hand.
     - `warmer`: range of a measured temperature that shows warm-up by it, K. As `regime`; by hand.
+    - `still`: standard deviation of a position over that of its noise up to which nothing moves, unless the next number
+      says otherwise. Larger: small motions are refused; smaller: noise is taken for motion. By hand.
+    - `drift`: standard deviation of means over 50 ms over that of means of noise alone, up to which nothing moves. As
+      `still`.
     """
 
     regime: float = 0.002
     rest: float = 0.3
     warm_up: float = 10.0
     warmer: float = 1.0
+    still: float = 1.2
+    drift: float = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -242,8 +252,10 @@ class Place:
     - `largest_part`: part of the samples up to which it is a condition at all. Larger: "mostly everywhere" is reported;
       smaller: wide conditions are hidden.
     - `most_parts`: conditions that are reported, one inside the other.
-    - `least_clusters`: clusters on either side of a condition below which it has no p-value. Larger: short recordings
-      show no condition; smaller: one cluster decides.
+    - `least_samples`: of a bin, or on either side of a condition, below which it is left out. Larger: short passages
+      are on no map; smaller: bins of a few samples are compared, and cost all others significance.
+    - `least_clusters`: clusters of a bin below which it has no standard error, and on either side of a condition below
+      which it has no p-value. Larger: short recordings show no place; smaller: one cluster decides.
     - `only_share`: share of the excess from which "only" is said instead of "mostly". Larger: "only" is never said;
       smaller: it is said where a fifth lies elsewhere.
     - `only_rest`: excess elsewhere over the excess inside up to which "only" is said. As `only_share`.
@@ -259,6 +271,7 @@ class Place:
     part_contrast: float = 3.0
     largest_part: float = 0.8
     most_parts: int = 2
+    least_samples: int = 200
     least_clusters: int = 3
     only_share: float = 0.9
     only_rest: float = 0.1

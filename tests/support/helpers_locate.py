@@ -10,6 +10,7 @@ from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.locate import floor_of_samples, grid_of
 from frictionjax.diagnosis.mismatch_map.null_maps import chance_of, draw_innovations
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.recordings import Plant, Recording
 
@@ -40,7 +41,9 @@ class World:
 
     def chance_above(self, floor):
         level = floor_of_samples(floor, self.scene)
-        return chance_of(tally_of(self.axes, self.scene), bands_of(self.scene, level), self.scene, level)
+        return chance_of(
+            tally_of(self.axes, self.scene, Rule()), bands_of(self.scene, level), self.scene, level
+        )
 
     def innovations(self, seed, floor=None):
         """Standardised innovations of a true model, shape `(r, n)`."""

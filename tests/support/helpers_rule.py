@@ -17,6 +17,7 @@ from frictionjax.diagnosis.evidence.input_needed import INPUT, input_is_needed
 from frictionjax.diagnosis.evidence.judgement import energy_explained
 from frictionjax.diagnosis.evidence.noise_floor import (
     Answer,
+    beyond_chance,
     capped,
     colour,
     force_noise,
@@ -25,6 +26,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
 )
 from frictionjax.diagnosis.findings.residual_map import helps
 from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.intake.checks import is_motion
 from frictionjax.diagnosis.intake.coverage import Coverage
 from frictionjax.diagnosis.mismatch_map.axes import Axis
 from frictionjax.diagnosis.mismatch_map.conditions import (
@@ -222,6 +224,13 @@ def _waves(count, beside):
 _BLOCKS = (20, 40, 140)  # that answer much to a force, a little, and hardly
 
 
+_ERROR_OF_GROWTH = np.sqrt(2.0 / (4 * 5 * 100))  # of four simulations, five blocks of 100 samples each
+
+
+def _grown(growth: float, rule: Rule) -> bool:
+    return beyond_chance(np.array([[growth]]), np.array([[100.0]]), rule).item() != 1.0
+
+
 def _needs_input(without: float, rule: Rule) -> bool:
     return input_is_needed(OtherDecision(INPUT, {"error": 1.0, "error_without_input": without}), rule)
 
@@ -242,6 +251,10 @@ PROBES: dict[str, list[Probe]] = {
     ],
     "floor.largest_force": [(_force(np.ones(9), np.ones(9)), 0.005)],
     "floor.colour": [(_colour, 2.0)],
+    "floor.chance": [
+        (lambda rule: _grown(1.0 + 3.5 * _ERROR_OF_GROWTH, rule), False),
+        (lambda rule: _grown(1.0 + 4.5 * _ERROR_OF_GROWTH, rule), True),
+    ],
     "floor.cap": [(lambda rule: float(capped(np.array([[1.0, 1.0, 1.0, 100.0]]), rule).max()), 20.0)],
     "floor.unpredictable": [
         (lambda rule: is_predictable(np.array([[0.7, 1.2]]), rule).tolist(), [[True, False]])
@@ -309,6 +322,14 @@ PROBES: dict[str, list[Probe]] = {
         (_meets("temperature", warmer=0.7), False),
         (_meets("temperature", warmer=1.2), True),
     ],
+    "testable.still": [
+        (lambda rule: is_motion(1.1, 0.0, rule), False),
+        (lambda rule: is_motion(1.3, 0.0, rule), True),
+    ],
+    "testable.drift": [
+        (lambda rule: is_motion(0.0, 1.9, rule), False),
+        (lambda rule: is_motion(0.0, 2.1, rule), True),
+    ],
     "residual.lead": [
         (lambda rule: helps(Gains(0.0, 0.5, 0.0, 0.0, 0.0, 1.0, True), rule), False),
         (lambda rule: helps(Gains(0.0, 0.5, 0.0, 0.0, 0.0, 2.0, True), rule), True),
@@ -346,6 +367,10 @@ PROBES: dict[str, list[Probe]] = {
         (lambda rule: is_a_part(1400, 2000, rule), True),
     ],
     "place.most_parts": [(_parts, 2)],
+    "place.least_samples": [
+        (lambda rule: is_a_part(150, 1000, rule), False),
+        (lambda rule: is_a_part(250, 1000, rule), True),
+    ],
     "place.least_clusters": [(_clusters(2), False), (_clusters(3), True)],
     "place.only_share": [
         (lambda rule: is_only(0.8, 50.0, 1.0, rule), False),

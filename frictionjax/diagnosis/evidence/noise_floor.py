@@ -19,7 +19,6 @@ from frictionjax.estimation.objective.posterior import Posterior
 _DRAWS = 4
 _SMALL = 1e-4  # of Coulomb friction: small enough for a linear response, far above rounding
 _SMOOTH = 5  # blocks over which the response is averaged
-_CHANCE = 4.0  # standard errors that chance may add to a power
 _HALVINGS = 30
 _BEYOND = 1e100  # in noise levels: the largest difference of two runs that is squared
 
@@ -74,7 +73,7 @@ def answer_to_force(posterior: Posterior, vector: Float[Numbers, " q"], *, rule:
     noise, force, product = (np.array(some) for some in zip(*draws, strict=True))
     # One block in which the break-away came earlier must not dominate the mean over its neighbours.
     gain = _smooth(capped(force.mean(axis=0), rule))
-    growth = _beyond_chance(_smooth(np.mean(grown, axis=0)), np.asarray(batch.block_count))
+    growth = beyond_chance(_smooth(np.mean(grown, axis=0)), np.asarray(batch.block_count), rule)
     if not np.any(evidence.varies):
         return Answer(gain, growth, noise, force, product)
     # A filter that knows the machine is no observer of a free mass: its noise is what the machine answers with.
@@ -95,13 +94,13 @@ def _smooth(power: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r b"]:
     return np.stack([np.convolve(row, kernel, mode="same") for row in power])
 
 
-def _beyond_chance(
-    growth: Float[np.ndarray, "r b"], count: Float[np.ndarray, "r b"]
+def beyond_chance(
+    growth: Float[np.ndarray, "r b"], count: Float[np.ndarray, "r b"], rule: Rule
 ) -> Float[np.ndarray, "r b"]:
-    """The `growth` of the noise in each block of `count` samples, 1 where chance may have made it: a power of n samples
-    has the standard error sqrt(2/n)."""
+    """The `growth` of the noise in each block of `count` samples, 1 where the `rule` takes it for chance: a power
+    of n samples has the standard error sqrt(2/n)."""
     samples = np.maximum(_DRAWS * _SMOOTH * count, 1.0)
-    return np.where(growth > 1.0 + _CHANCE * np.sqrt(2.0 / samples), growth, 1.0)
+    return np.where(growth > 1.0 + rule.floor.chance * np.sqrt(2.0 / samples), growth, 1.0)
 
 
 def capped(mean: Float[np.ndarray, "r b"], rule: Rule) -> Float[np.ndarray, "r b"]:

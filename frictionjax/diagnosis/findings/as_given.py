@@ -129,7 +129,7 @@ def where_it_misses(
     part = scene.of(rows)
     own: View = rows_of(base, rows)
     simulated = dataclasses.replace(own, free=given.free[rows], e=_errors(given.free[rows], part))
-    grid = grid_along(simulated, drive, plant, part, floor[rows], mapping)
+    grid = grid_along(simulated, drive, plant, part, floor[rows], mapping, rule=rule)
     return grid.located(simulated, own, rule=rule)
 
 

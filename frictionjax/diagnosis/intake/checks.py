@@ -3,16 +3,15 @@
 import numpy as np
 
 from frictionjax.core import InputError
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import noise_level
 from frictionjax.recordings import Case, Recording
 
 _AVERAGED = 0.05  # s
-_STILL = 1.2  # times the noise: largest standard deviation of a position that is only noise
-_DRIFT = 2.0  # times the standard deviation of means over noise alone
 
 
-def check_usable(case: Case) -> None:
-    """Refuse the force-driven recordings of a `case` from which nothing can be identified.
+def check_usable(case: Case, *, rule: Rule = Rule()) -> None:
+    """Refuse the force-driven recordings of a `case` from which nothing can be identified; `rule`: what is motion.
 
     **Raises:** `InputError` for a motor constant that is not a positive number, for channels that are not finite, for a
     position that never changes or an input that is zero throughout, and when the machine moves in none of the fitted
@@ -28,7 +27,7 @@ def check_usable(case: Case) -> None:
         )
     for recording in case.recordings:
         _check_channels(case, recording)
-    if not any(_moves(recording, case.plant.encoder_step) for recording in case.fit_recordings):
+    if not any(_moves(recording, case.plant.encoder_step, rule) for recording in case.fit_recordings):
         raise InputError(
             "the machine moves in none of the recordings to fit: x is only noise",
             file=case.name,
@@ -83,9 +82,15 @@ def check_simulated(case: Case) -> None:
         )
 
 
-def _moves(recording: Recording, encoder_step: float | None) -> bool:
-    """Whether `x` varies by more than white noise does: in its samples, or in its means over 50 ms."""
+def _moves(recording: Recording, encoder_step: float | None, rule: Rule) -> bool:
+    """Whether `x` varies by more than white noise does, by the `rule`: in its samples, or in its means over 50 ms."""
     noise, x = noise_level(recording, encoder_step), recording.x
     size = max(round(_AVERAGED * recording.sample_rate), 1)
     means = x[: x.size // size * size].reshape(-1, size).mean(axis=1)
-    return bool(np.std(x) > _STILL * noise or np.std(means) > _DRIFT * noise / np.sqrt(size))
+    return is_motion(float(np.std(x) / noise), float(np.std(means) * np.sqrt(size) / noise), rule)
+
+
+def is_motion(spread: float, drift: float, rule: Rule) -> bool:
+    """Whether a position moves, by the `rule`, whose standard deviation is `spread` times that of its noise, and that
+    of its means over 50 ms `drift` times that of means of noise."""
+    return spread > rule.testable.still or drift > rule.testable.drift

@@ -1,5 +1,6 @@
 """Effects that cannot be tested with the recordings of a case, since no recording visits the regime they need."""
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +22,11 @@ from frictionjax.recordings.units import turn_of
 _WORDS = {
     "sliding": "no recording slides",
     "presliding": "no recording dwells in presliding",
-    "rest": "no recording contains a motion after a rest of 0.3 s",
+    "rest": "no recording contains a motion after a rest of {rest:g} s",
     "both directions": "no recording moves in both directions",
     "clock": "the recordings have no common clock (start_time) that covers a warm-up",
     "angle": "the unit of the position is not one of an angle",
-    "temperature": "a recording lacks the temperature, or the temperature changes by less than 1 K",
+    "temperature": "a recording lacks the temperature, or the temperature changes by less than {warmer:g} K",
 }
 
 
@@ -68,8 +69,8 @@ def missing_needs(case: Case, batch: AbstractBatch, *, rule: Rule = Rule()) -> d
 
 
 def _lacking(found: Coverage, rule: Rule) -> dict[str, str]:
-    met = found.meets(rule)
-    return {need: text for need, text in _WORDS.items() if not met[need]}
+    met, numbers = found.meets(rule), dataclasses.asdict(rule.testable)
+    return {need: text.format(**numbers) for need, text in _WORDS.items() if not met[need]}
 
 
 def _coverage_of(case: Case, position_noise: Float[Numbers, " r"] | None, imposed: bool) -> Coverage:

@@ -14,6 +14,7 @@ from frictionjax.core import InputError
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.intake.checks import check_simulated, check_usable
 from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting_values_beside
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
 from frictionjax.estimation.start.driven import Start
@@ -83,7 +84,7 @@ def _said(own: OwnModel) -> tuple[str, ...]:
     return (*said, f"Fixed by the case: {', '.join(fixed)}.") if fixed else said
 
 
-def check(case: Case, *, effort: Effort = Effort()) -> None:
+def check(case: Case, *, rule: Rule = Rule(), effort: Effort = Effort()) -> None:
     """Raise the `InputError` for a `case` that cannot be diagnosed, or not with this `effort`."""
     imposed = [recording.name for recording in case.recordings if recording.drive == "motion"]
     if imposed and len(imposed) < len(case.recordings):
@@ -118,7 +119,7 @@ def check(case: Case, *, effort: Effort = Effort()) -> None:
     check_simulated(case)
     if not imposed:
         _check_cost(case, effort)
-        check_usable(case)
+        check_usable(case, rule=rule)
 
 
 def _check_cost(case: Case, effort: Effort) -> None:

@@ -7,11 +7,8 @@ from scipy.sparse import csr_array
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import CLUSTER
-
-LEAST_SAMPLES = 200
-"""A bin with fewer samples is left out."""
-_FEW = 3  # clusters: fewer give no standard error
 
 
 class Tally(eqx.Module):
@@ -34,12 +31,12 @@ class Tally(eqx.Module):
         return self.adds @ squares.reshape(squares.shape[0], -1).T
 
     def powers(
-        self, sums: Float[np.ndarray, "m k"]
+        self, sums: Float[np.ndarray, "m k"], rule: Rule
     ) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
         """Mean of each bin, from the `sums`, and its relative standard error from clusters: each of shape `(b, k)`.
 
         The standard error is that of a ratio of sums, sum of squares over number of samples; 0 where there are too few
-        clusters.
+        clusters by the `rule`.
         """
         gather = csr_array(
             (np.ones(self.owner.size), (self.owner, np.arange(self.owner.size))),
@@ -50,11 +47,11 @@ class Tally(eqx.Module):
         clusters = np.bincount(self.owner, minlength=len(self.bins))[:, None]
         spread = np.sqrt(gather @ deviation**2 * clusters / np.maximum(clusters - 1, 1))
         total = np.maximum(mean * self.samples[:, None], 1e-300)
-        return mean, np.where(clusters >= _FEW, spread / total, 0.0)
+        return mean, np.where(clusters >= rule.place.least_clusters, spread / total, 0.0)
 
 
-def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
-    """The tally of all bins of the `axes` with enough scored samples of the `scene`."""
+def tally_of(axes: tuple[Axis, ...], scene: Scene, rule: Rule) -> Tally:
+    """The tally of all bins of the `axes` with enough scored samples of the `scene`, by the `rule`."""
     scored = np.asarray(scene.batch.valid).ravel() > 0
     cluster = clusters_of(scene).ravel()
     width = int(cluster.max()) + 1
@@ -64,7 +61,7 @@ def tally_of(axes: tuple[Axis, ...], scene: Scene) -> Tally:
         index = np.asarray(axis.index).ravel()
         counts = np.bincount(index[scored & (index >= 0)], minlength=len(axis.labels))
         place = np.full(len(axis.labels) + 1, -1)  # the last for samples in no bin
-        for k in np.flatnonzero(counts >= LEAST_SAMPLES).tolist():
+        for k in np.flatnonzero(counts >= rule.place.least_samples).tolist():
             place[k] = len(bins)
             bins.append((number, k))
             samples.append(int(counts[k]))

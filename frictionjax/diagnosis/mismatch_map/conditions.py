@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.axes import Axis
-from frictionjax.diagnosis.mismatch_map.bin_power import LEAST_SAMPLES, clusters_of
+from frictionjax.diagnosis.mismatch_map.bin_power import clusters_of
 from frictionjax.diagnosis.mismatch_map.where_words import divergence
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
@@ -110,7 +110,9 @@ def _divergence(part: Within) -> float:
 def is_a_part(count: int, samples: int, rule: Rule) -> bool:
     """Whether a part with this `count` of the `samples` may be a condition, by the `rule`: one with nearly all of them
     is not informative."""
-    return min(count, samples - count) >= LEAST_SAMPLES and count <= rule.place.largest_part * samples
+    return (
+        min(count, samples - count) >= rule.place.least_samples and count <= rule.place.largest_part * samples
+    )
 
 
 def is_condition(part: Within, compared: int, rule: Rule) -> bool:

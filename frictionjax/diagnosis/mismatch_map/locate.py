@@ -69,7 +69,7 @@ class Grid(eqx.Module):
         if gained:
             squares[0] += np.where(np.asarray(self.scene.batch.valid) > 0, 1.0, 0.0) - squares[1]
             lines[:, 0] += 1.0 - lines[:, 1]
-        power, errors = self.tally.powers(self.tally.sums(squares))
+        power, errors = self.tally.powers(self.tally.sums(squares), rule)
         power = np.concatenate([power, lines])
         errors = np.concatenate([errors[:, 0], np.zeros(len(self.bands.labels))])
         p_values = self.chance.p_values(statistic_of(power[:, 0], errors, self.chance.spread))
@@ -97,6 +97,8 @@ def grid_of(
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
 ) -> Grid:
     """The bins of a map of the `scene`.
 
@@ -107,10 +109,11 @@ def grid_of(
     - `floor`: power of each block that a perfect model leaves, shape `(r, b)`; 1 everywhere when None.
     - `chance`: distribution of the map under noise alone; drawn when None.
     - `mapping`: as `map`; that of an executor draws in parallel.
+    - `rule`: how many samples and clusters a bin needs.
     """
     level = floor_of_samples(floor, scene)
-    tally, bands = tally_of(axes, scene), bands_of(scene, level)
-    chance = chance_of(tally, bands, scene, level, mapping=mapping) if chance is None else chance
+    tally, bands = tally_of(axes, scene, rule), bands_of(scene, level)
+    chance = chance_of(tally, bands, scene, level, mapping=mapping, rule=rule) if chance is None else chance
     return Grid(axes, scene, level, tally, bands, chance)
 
 
@@ -121,6 +124,8 @@ def grid_along(
     scene: Scene,
     floor: Float[np.ndarray, "r b"],
     mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
 ) -> Grid:
     """The bins of `grid_of` along the axes that suit the recordings.
 
@@ -129,14 +134,14 @@ def grid_along(
     - `base`: what the base model predicts; its observed motion says in which bin a sample lies.
     - `drive`: the base model.
     - `plant`: for units.
-    - `scene`, `floor`, `mapping`: as in `grid_of`.
+    - `scene`, `floor`, `mapping`, `rule`: as in `grid_of`.
     """
     batch = scene.batch
     inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
     axes = axes_of(Motion(np.asarray(batch.x), base.v, base.bend, inputs), drive, plant, scene)
     if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
-    return grid_of(axes, scene, floor, mapping=mapping)
+    return grid_of(axes, scene, floor, mapping=mapping, rule=rule)
 
 
 def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.bin_power import Tally
 from frictionjax.diagnosis.mismatch_map.frequency_bands import Bands
+from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import white_level
 from frictionjax.simulation import innovation_gain, observer_gains
 
@@ -120,6 +121,8 @@ def chance_of(
     floor: Float[np.ndarray, "r n"],
     draws: int = DRAWS,
     mapping: Callable[..., Iterable] = map,
+    *,
+    rule: Rule = Rule(),
 ) -> Chance:
     """Draw the maps under the null hypothesis; the same ones each time.
 
@@ -130,12 +133,13 @@ def chance_of(
     - `floor`: power that a true model leaves at each sample, shape `(r, n)`.
     - `draws`: how many maps.
     - `mapping`: as `map`; that of an executor draws in parallel.
+    - `rule`: how many clusters a standard error needs.
     """
 
     def draw(number: int) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
         rng = np.random.default_rng((_SEED, number))
         e = draw_innovations(scene, floor, min(_TOGETHER, draws), rng)
-        power, scatter = tally.powers(tally.sums(e**2))
+        power, scatter = tally.powers(tally.sums(e**2), rule)
         empty = np.zeros((bands.null.size, e.shape[0]))
         return np.concatenate([power, bands.powers(e)]), np.concatenate([scatter, empty])
 

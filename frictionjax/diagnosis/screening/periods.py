@@ -6,9 +6,9 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from frictionjax.diagnosis.effort import Effort
 from frictionjax.estimation.data.batch import AbstractBatch
 
-_FEWEST = 1.25  # waves along the stroke: fewer are a spring or a slope
 _TALLEST = 5.0  # times the median of the profile along the stroke, at which each of its bins is clipped
 # Samples of travel at the usual speed: shorter waves alias with the observer's own dynamics.
 _SHORTEST_WAVE = 40
@@ -33,6 +33,7 @@ def wavelengths(
     odd: bool,
     count: int = 3,
     fine: bool = False,
+    effort: Effort = Effort(),
 ) -> Wavelengths:
     """Periods along the stroke with which the innovations repeat.
 
@@ -46,6 +47,7 @@ def wavelengths(
     - `odd`: True for a force against the motion, False for one that does not depend on its direction.
     - `count`: how many periods.
     - `fine`: search for those of a sensor, which may be far shorter and appear at any speed.
+    - `effort`: how many waves along the stroke are searched at least.
     """
     power = batch.block_mean(innovation**2)
     weight = np.repeat(1.0 / np.sqrt(power + 1.0), batch.block, axis=-1) * np.asarray(batch.valid)
@@ -75,7 +77,7 @@ def wavelengths(
     shortest = _SHORTEST_WAVE * usual * float(np.min(np.asarray(batch.dt)))
     if fine:
         shortest = max(4.0 * span / bins, _ABOVE_NOISE * float(np.min(np.asarray(batch.noise))))
-    least = 20.0 if fine else _FEWEST
+    least = 20.0 if fine else effort.screening.fewest_waves
     spectrum = spectrum[: int(finer * span / shortest) + 2]
     cycles = np.arange(spectrum.size) / finer
     spectrum[(cycles < least) | (cycles > span / shortest)] = 0.0

@@ -47,9 +47,9 @@ def try_catalogue(
     speed = np.gradient(np.asarray(batch.x), axis=1) / np.asarray(batch.dt)[:, None]
     e = np.nan_to_num(np.asarray(present.e))
     waves = {
-        "odd_period": wavelengths(e, speed, batch, odd=True),
-        "even_period": wavelengths(e, speed, batch, odd=False),
-        "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True),
+        "odd_period": wavelengths(e, speed, batch, odd=True, effort=effort),
+        "even_period": wavelengths(e, speed, batch, odd=False, effort=effort),
+        "sensor_period": wavelengths(e, speed, batch, odd=False, count=2, fine=True, effort=effort),
     }
     inside = model.posterior.drive.effects
     forms = [form for name, all_forms in catalogue().items() if name not in without for form in all_forms]
