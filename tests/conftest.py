@@ -15,7 +15,11 @@ TYPED = ("core", "excitation", "recordings", "frequency", "physics")
 """Packages whose annotations, shapes included, are checked at every call with `--types`."""
 
 TOGETHER = [
-    ("tests/diagnosis/test_review.py", "tests/diagnosis/test_exchange.py", "tests/diagnosis/test_moved.py")
+    (
+        "tests/diagnosis/selection/test_review.py",
+        "tests/diagnosis/selection/test_exchange.py",
+        "tests/diagnosis/selection/test_moved.py",
+    )
 ]
 """Files whose tests start from the same fits: one worker runs them all, and fits once."""
 
@@ -24,7 +28,7 @@ LONG = (
     *TOGETHER[0],
     "tests/diagnosis/test_pipeline.py",
     "tests/test_notebooks.py",
-    "tests/estimation/test_robust_fit.py",
+    "tests/estimation/descent/test_robust_fit.py",
     "tests/estimation/test_fit.py",
     "tests/frequency/test_bla.py",
 )

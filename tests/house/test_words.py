@@ -2,27 +2,17 @@
 
 import ast
 import re
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from helpers_house import tracked_files
 
 REPOSITORY = Path(__file__).parents[2]
 PERSONAL_PATH = re.compile(r"(?<![\w.~:/-])(?:/(?:home|Users|root|work)/|[A-Z]:\\Users\\)\w")
 UNFINISHED = re.compile(r"\b(?:TO[D]O|FIX[M]E|XX[X])\b")  # brackets, so that this line is not found
 PICTURE = re.compile(r'"image/png": "[^"]*"')  # of a notebook: letters by chance
 CATCH_ALL = ("Exception", "BaseException")
-
-
-def tracked_files(repository: Path) -> list[Path]:
-    """The files under version control; in an unpacked archive, every file that does not hide or get generated."""
-    listing = subprocess.run(["git", "-C", repository, "ls-files", "-z"], capture_output=True, text=True)
-    if listing.returncode == 0 and listing.stdout:
-        return [path for name in listing.stdout.split("\0") if name and (path := repository / name).is_file()]
-    folders = [repository / name for name in ("frictionjax", "tests", "benchmarks", "docs", "notebooks")]
-    inside = [path for folder in folders for path in folder.rglob("*") if "__pycache__" not in path.parts]
-    return [path for path in [*repository.iterdir(), *inside] if path.is_file()]
 
 
 def text_breaches(text: str) -> Iterator[str]:

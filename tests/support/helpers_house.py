@@ -1,8 +1,10 @@
-"""The doors of the package, and what they offer."""
+"""The doors of the package and what they offer, and the files of the project."""
 
 import importlib
 import inspect
 import pkgutil
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import frictionjax
@@ -27,3 +29,13 @@ def home_of(value: Any) -> str:
     if inspect.isclass(value) or inspect.isroutine(value):
         return value.__module__.split(".")[0]
     return "frictionjax"
+
+
+def tracked_files(repository: Path) -> list[Path]:
+    """The files under version control; in an unpacked archive, every file that does not hide or get generated."""
+    listing = subprocess.run(["git", "-C", repository, "ls-files", "-z"], capture_output=True, text=True)
+    if listing.returncode == 0 and listing.stdout:
+        return [path for name in listing.stdout.split("\0") if name and (path := repository / name).is_file()]
+    folders = [repository / name for name in ("frictionjax", "tests", "benchmarks", "docs", "notebooks")]
+    inside = [path for folder in folders for path in folder.rglob("*") if "__pycache__" not in path.parts]
+    return [path for path in [*repository.iterdir(), *inside] if path.is_file()]

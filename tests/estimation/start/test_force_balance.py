@@ -14,7 +14,7 @@ from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Recording, load_case
 
 RATE, J, FC = 1000.0, 0.05, 0.4
-FIELD = Path(__file__).parents[3] / "shared" / "field"
+FIELD = Path(__file__).parents[4] / "shared" / "field"
 
 
 def swing(force, *, rate=RATE, size=1.0):
