@@ -104,7 +104,7 @@ def _decision_of(content: Mapping[str, Any]) -> OtherDecision:
     return OtherDecision(content["about"], numbers)
 
 
-def _if_there(root, name: str, kind: Callable[..., _T]) -> _T | None:
+def _if_there(root: Table, name: str, kind: Callable[..., _T]) -> _T | None:
     """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
     return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
 

@@ -1,4 +1,4 @@
-"""Every argument and every return of the functions in these rooms bears a type.
+"""Every argument and every return of the functions of the package bears a type.
 
 That the types are true is checked where they are used: `pytest --types` runs the tests with the annotations of the
 packages in conftest.py verified at each call.
@@ -11,20 +11,6 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / "frictionjax"
-ANNOTATED = (
-    "core",
-    "physics",
-    "recordings",
-    "excitation",
-    "simulation",
-    "frequency",
-    "diagnosis/evidence",
-    "diagnosis/intake",
-    "diagnosis/base_model",
-    "diagnosis/mismatch_map",
-    "diagnosis/findings",
-)
-"""Folders in which every function is annotated; a new one is added here."""
 
 
 def gaps(tree: ast.AST) -> Iterator[str]:
@@ -46,10 +32,9 @@ def _arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[ast.arg
     return [*given.posonlyargs, *given.args, *given.kwonlyargs, *rest]
 
 
-@pytest.mark.parametrize("room", ANNOTATED)
-def test_every_argument_and_return_has_a_type(room):
-    files = sorted((PACKAGE / room).rglob("*.py"))
-    assert files
+def test_every_argument_and_return_has_a_type():
+    files = sorted(PACKAGE.rglob("*.py"))
+    assert PACKAGE / "physics" / "lugre.py" in files
     found = [
         f"{path.relative_to(PACKAGE)}:{gap}" for path in files for gap in gaps(ast.parse(path.read_text()))
     ]

@@ -8,12 +8,12 @@ linear gain can be a mirage), and the clustered score test gives the p-value. On
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import numpy as np
 import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
@@ -78,10 +78,26 @@ def forms_to_try(
     return [form(**dict(point)).in_turns_of(scales["turn"]) for point in itertools.product(*axes)]
 
 
-def _regressed(errors, sizes, e, fine, weighings, block):
-    """Finite steps of these `sizes`, whose innovations are the `errors` (shape `(k, r, n)`): which of them say
-    something of a small effect, and per weighing the products of their columns with the base, with each other and with
-    the innovations `e`, and for each cluster with the `fine` ones."""
+class _Products(NamedTuple):
+    """Of one weighing, the products of the weighted columns of `k` finite steps: with the base, `cross`; with each
+    other, `gram`; with the innovations, `right`; and, cluster by cluster, with the `fine` ones, `clusters`."""
+
+    cross: Float[np.ndarray, "q k"]
+    gram: Float[np.ndarray, "k k"]
+    right: Float[np.ndarray, " k"]
+    clusters: Float[np.ndarray, "c k"]
+
+    def of(self, own: slice) -> Self:
+        """Those of a part of the steps."""
+        return type(self)(self.cross[:, own], self.gram[own, own], self.right[own], self.clusters[:, own])
+
+
+def _regressed(
+    errors: Float[np.ndarray, "k r n"], sizes: Float[np.ndarray, " k"], present: Present
+) -> tuple[Bool[np.ndarray, " k"], list[_Products]]:
+    """Finite steps of these `sizes`, whose innovations are the `errors`: which of them say something of a small
+    effect, and their products for each weighing of the `present` model."""
+    e, block = present.e, present.posterior.batch.block
     columns = errors - e[None]
     with np.errstate(over="ignore", invalid="ignore"):
         thrown = np.sqrt([np.vdot(column, column) / column.size for column in columns])
@@ -91,12 +107,11 @@ def _regressed(errors, sizes, e, fine, weighings, block):
     columns[~good] = 0.0
     flat = columns.reshape(columns.shape[0], -1)
     products = []
-    for weight, base in weighings:
-        weighted = columns * weight[None]
+    for weighing in present.weighings:
+        weighted = columns * weighing.weight[None]
         rows = weighted.reshape(columns.shape[0], -1)
-        products.append(
-            (base @ flat.T, rows @ flat.T, rows @ e.ravel(), sum_clusters(weighted * fine[None], block))
-        )
+        clusters = sum_clusters(weighted * present.fine[None], block)
+        products.append(_Products(weighing.base @ flat.T, rows @ flat.T, rows @ e.ravel(), clusters))
     return good, products
 
 
@@ -159,7 +174,6 @@ def promises_of(
         for number, instances in enumerate(forms)
         for probes in _side_by_side([p for instance in instances for p in _probes(present, instance, scales)])
     ]
-    weighings = [(weighing.weight, weighing.base) for weighing in present.weighings]
     promises: list[list[Promise]] = [[] for _ in forms]
     for (number, probes), errors in zip(
         blocks, present.lanes(_steps(some) for _, some in blocks), strict=True
@@ -167,15 +181,13 @@ def promises_of(
         sizes = np.ones(len(errors))
         steps = [size for probe in probes for size in probe.sizes]
         sizes[: len(steps)] = steps
-        good, products = _regressed(
-            errors, sizes, present.e, present.fine, weighings, present.posterior.batch.block
-        )
+        good, products = _regressed(errors, sizes, present)
         first = 0
         for probe in probes:
             own = slice(first, first + len(probe.where))
             first += len(probe.where)
             if np.all(good[own]):
-                promise = _promise(present, probe, [_part(product, own) for product in products])
+                promise = _promise(present, probe, [product.of(own) for product in products])
                 promises[number].append(promise)
     return [sorted(some, key=lambda promise: -promise.linear_gain) for some in promises]
 
@@ -213,12 +225,7 @@ def _side_by_side(probes: list[_Probe]) -> list[list[_Probe]]:
     return together
 
 
-def _part(product, own: slice):
-    cross, gram, right, clusters = product
-    return cross[:, own], gram[own, own], right[own], clusters[:, own]
-
-
-def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
+def _probes(present: Present, instance: AbstractEffect, scales: dict[str, float]) -> list[_Probe]:
     posterior, vector = extend(present.posterior, present.vector, instance, scales, present.drive)
     names = [strength.name for strength in instance.strengths]
     where = [
@@ -234,7 +241,7 @@ def _probes(present: Present, instance: AbstractEffect, scales) -> list[_Probe]:
     return [_Probe(instance, posterior, vector, *step) for step in steps]
 
 
-def _promise(present: Present, probe: _Probe, products) -> Promise:
+def _promise(present: Present, probe: _Probe, products: list[_Products]) -> Promise:
     posterior, vector, where = probe.posterior, np.asarray(probe.vector), probe.where
     old, count, size = len(present.posterior.layout), len(posterior.layout), len(probe.where)
     recordings = vector.shape[0] - count
