@@ -40,8 +40,8 @@ def simulated(plan: dict, *, horizon: float = 0.0) -> SimulatedCase:
 
 def _seen(plan: Plan) -> tuple[Plan, dict[str, float]]:
     """The plan with the first machine on which everything it conceals is visible, and how visible each effect is. Of
-    `plan.attempts` machines that do not show it, the one that comes nearest. What is random at every moment nobody can
-    predict with or without, and is not measured."""
+    `plan.attempts` machines that do not show it, the one that comes nearest. What is random at every moment no model
+    predicts, and it is not measured."""
     if plan.attempts == 1 or not set(plan.missing) - set(RANDOM):
         return plan, {}
     best, found = plan, {}

@@ -8,7 +8,7 @@ _POINTS, _BINS = 600, 120
 
 
 def trace_of(found) -> dict:
-    """Of the `Diagnosis` `found`, the held-out recording that the extended model mends most: time, position and the
+    """Of the `Diagnosis` `found`, the held-out recording that the extended model improves most: time, position and the
     base model's prediction 0.1 s ahead at some points, and the error of both models over the noise in
     short stretches."""
     held = [r for r in found.recordings if r.role == "holdout"]

@@ -43,7 +43,7 @@ def cut_off(x: Float[np.ndarray, " n"], sample_rate: float) -> float:
     """The cut-off, Hz, with which the filtered acceleration of a position `x` errs least.
 
     A filter with the response H loses 1 - H of the motion and keeps H of the noise. With the spectrum S and its white
-    noise N, seen at the upper end, the acceleration errs by the sum of ((S - N) (1 - H)^2 + N H^2) f^4 over them.
+    noise N, read off its upper end, the acceleration errs by the sum of ((S - N) (1 - H)^2 + N H^2) f^4 over them.
     Motion is where S stands out of N significantly, in the mean over neighbouring frequencies.
 
     **Arguments:**

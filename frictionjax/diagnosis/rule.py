@@ -37,7 +37,7 @@ class Floor:
     - `unpredictable`: power over that of the noise by which two runs part in a block that is left out as unpredictable.
       Larger: chaos is fitted; smaller: blocks that would determine a size are left out. By hand.
     - `gap_force`: unmeasured force over Coulomb friction under which a machine with a gap must stay predictable for a
-      block to count. Larger: too little is left to fit a gap by; smaller: contacts that nobody can predict are fitted.
+      block to count. Larger: too little is left to fit a gap by; smaller: contacts that no model predicts are fitted.
       By hand, as the search was developed on machines 5017 and 5117 of the bank.
     - `excuse_share`: share of the misfit, in the predictable blocks, that a chaotic candidate must explain for its
       chaos to be excused. Larger: backlash is lost; smaller: a wrong gap excuses its own errors. By hand.

@@ -41,7 +41,7 @@ def claimed(directory: Path) -> Iterator[Claim]:
     `FrictionjaxWarning`.
 
     **Raises:** `InputError` where another process, or another thread, has the claim. On file systems without locks, and
-    on Windows, nobody is refused.
+    on Windows, none is refused.
     """
     target = directory.absolute().resolve()
     if target in _HELD.claims:

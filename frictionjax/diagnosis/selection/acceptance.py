@@ -17,7 +17,7 @@ def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tupl
     """
     gains = row.gains(rule)
     if not gains.repeats:
-        return False, "its period is too long to be seen to repeat along the stroke"
+        return False, "its period is too long to repeat along the recorded stroke"
     if not likelier(row, rule):
         said = ", ".join(
             f"{_nats(lead)} on the {where}"

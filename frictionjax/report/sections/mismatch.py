@@ -20,9 +20,9 @@ _AXES = {
 }
 _BASE_FAILS = "Where the base model fails, before any effect is added."
 _GIVEN_MISSES = (
-    "Where your simulation misses, seen by an observer that has the acceleration from it, and position and velocity "
-    "from the measurement: an offset or a constant drift does not count. A simulation that has lost the motion misses "
-    "wherever the machine then is."
+    "Where your simulation misses, as an observer shows it that has the acceleration from it, and position and "
+    "velocity from the measurement: an offset or a constant drift does not count. A simulation that has lost the "
+    "motion misses wherever the machine then is."
 )
 _MOST = 12  # bins of one axis that get a row each
 

@@ -94,4 +94,4 @@ def test_what_is_periodic_must_be_seen_to_repeat():
     ):
         may, why = acceptable(candidate((0.95, 0.95), waves=(wave,)), RULE)
         assert may == enough
-        assert why == ("" if enough else "its period is too long to be seen to repeat along the stroke")
+        assert why == ("" if enough else "its period is too long to repeat along the recorded stroke")
