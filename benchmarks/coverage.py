@@ -33,11 +33,11 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_noise, quietness
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.estimation.descent.robust import descend
+from frictionjax.estimation.objective.model import physical
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
-from frictionjax.estimation.parameters import physical
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import estimates, sandwich
+from frictionjax.estimation.uncertainty import sandwich
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import catalogue
 
@@ -76,7 +76,7 @@ def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     model = _fitted(*robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out))
     slow, found = model.posterior, base_fit.parameters_of(model, {}, _force(model))
     count, vector = len(slow.layout), model.fitted.vector
-    coarse, _ = physical(slow.layout, slow.drive, vector[:count], slow.start[:count])
+    coarse, _ = physical(slow.model, np.asarray(vector)[:count])
     one = {
         name: (float(value) - truth[name]) / e.stderr
         for (name, e), value in zip(found.items(), coarse, strict=True)
@@ -103,9 +103,11 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     model = _fitted(posterior, jnp.asarray(vector).at[place].set(there))
     near = model.fitted.near
     alone = sandwich(np.asarray(near.hessian), np.asarray(near.clusters[0]))
-    other = estimates(model.posterior, model.fitted.vector, alone, {})[ours]
+    count = len(model.posterior.layout)
+    _, slopes = physical(model.posterior.model, np.asarray(model.fitted.vector)[:count])
+    other = float(np.sqrt(slopes[place] @ alone[:count, :count] @ slopes[place]))
     stated = base_fit.parameters_of(model, {}, _force(model))[ours]
-    return (stated.value - true) / stated.stderr, (stated.value - true) / other.stderr
+    return (stated.value - true) / stated.stderr, (stated.value - true) / other
 
 
 def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str, float]]:

@@ -30,13 +30,12 @@ from frictionjax.estimation.data.pieces import SHORTEST, lengths_up_to
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import covariance_of, estimates
+from frictionjax.estimation.uncertainty import uncertainty_at
 from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects import AbstractEffect, catalogue
 from frictionjax.recordings import Recording
 
 _RATE, _SAMPLES, _RECORDINGS = 500.0, 400, 3
-_UNITS = {"force": "N*m", "position": "rad", "input": "V"}
 _PERIODS = ("odd_period", "even_period", "sensor_period")
 
 
@@ -131,5 +130,4 @@ def _compiled_for(form: type[AbstractEffect] | None, length: int) -> None:
     present = present_model(slow, fitted.vector)
     present.with_forces(np.asarray(present.vector)[None], np.zeros((1, *batch.x.shape))[:, ~held_out])
     view(model.judgement, scene_of(model, tuple(f"recording {number}" for number in range(_RECORDINGS))))
-    evaluations = slow.evaluated(fitted.vector)
-    estimates(slow, fitted.vector, covariance_of(slow, evaluations, fitted.near), _UNITS)
+    uncertainty_at(slow, fitted.vector, slow.evaluated(fitted.vector), fitted.near)

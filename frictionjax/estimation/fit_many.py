@@ -26,7 +26,7 @@ from frictionjax.estimation.objective.robust import FAST_BANDWIDTH
 from frictionjax.estimation.parameters import Free, pack, weak_prior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.driven import starting_values
-from frictionjax.estimation.uncertainty import inverse_of, raised
+from frictionjax.estimation.uncertainty import standard_errors
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
@@ -42,7 +42,8 @@ class Replicas(eqx.Module):
     **Attributes:**
 
     - `names`: labels of the p free parameters.
-    - `values`, `stderr`: in physical units, shape `(d, p)`; `stderr` as in `FitResult.covariance`.
+    - `values`, `stderr`: in physical units, shape `(d, p)`; `stderr` as in `FitResult.stderr`: infinite where the
+        data do not determine a parameter.
     - `stderr_white`: by the inverse information alone, shape `(d, p)`.
     - `position`, `push`: noise of the measured position and unmeasured force (as in `RecordingNoise`) of each
         recording, shape `(d, r)`.
@@ -273,21 +274,20 @@ def _check(batches: list[Batch]) -> None:
 
 
 def _replicas(found: Found, posterior: Posterior) -> Replicas:
-    values, slopes, cost = found.values, found.slopes, found.cost
-    count, layout = values.shape[0], posterior.constraints.layout
-    white = np.full(values.shape, np.nan)
-    robust = np.full(values.shape, np.nan)
-    for i in range(count):
-        if np.all(np.isfinite(found.hessian[i])) and np.all(np.isfinite(found.covariance[i])):
-            own = slopes[i] @ inverse_of(found.hessian[i]) @ slopes[i].T
-            white[i] = np.sqrt(np.diag(own))
-            robust[i] = np.sqrt(np.diag(raised(own, slopes[i] @ found.covariance[i] @ slopes[i].T)))
+    values, cost, layout = found.values, found.cost, posterior.constraints.layout
+    prior = np.asarray(posterior.prior)
+    known = [
+        standard_errors(slopes, hessian, clustered, prior, at_end)
+        for slopes, hessian, clustered, at_end in zip(
+            found.slopes, found.hessian, found.covariance, found.at_end, strict=True
+        )
+    ]
     usable: Bool[np.ndarray, " d"] = np.all(np.isfinite(values), axis=1)
     return Replicas(
         tuple(one.label for one in layout),
         values,
-        robust,
-        white,
+        np.stack([one.stderr for one in known]),
+        np.sqrt(np.stack([np.diag(one.white) for one in known])),
         np.asarray(found.noise.position),
         np.asarray(found.noise.push),
         np.where(usable, cost, np.nan),

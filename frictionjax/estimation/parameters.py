@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
 from frictionjax.core.arrays import Numbers, numpy_or_jax
-from frictionjax.core.programs import compiled
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
@@ -34,6 +33,7 @@ _REACH = {"J": 3.0, "Fc": 4.0, "sigma2": 100.0, "vs": 30.0, "period": 1.5}
 _WIDEST = 1e4
 # Standard deviations of the weak prior: of a logarithm, of a strength in its unit, of a starting deflection.
 _PRIOR_LOG, _PRIOR_STRENGTH, _PRIOR_DEFLECTION = np.array([3.0, 1e3, 0.5]) / np.sqrt(2.0)
+_ALIKE = 1e-9  # part of a value: one that is no further from a bound is at it
 INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 
@@ -200,25 +200,6 @@ def changed(
     return new
 
 
-def physical(
-    layout: tuple[Free, ...], drive: Drive, vector: Float[Numbers, " p"], start: Float[Numbers, " p"]
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Physical values, shape `(p,)`, and their Jacobian by the vector, shape `(p, p)`: for the delta method."""
-    values, jacobian = _physical(layout, drive, vector, start)
-    return np.asarray(values), np.asarray(jacobian)
-
-
-@compiled()
-def _physical(
-    layout: tuple[Free, ...], drive: Drive, vector: Float[Numbers, " p"], start: Float[Numbers, " p"]
-) -> tuple[Float[Numbers, " p"], Float[Numbers, "p p"]]:
-    def values(point: Float[Numbers, " p"]) -> Float[Numbers, " p"]:
-        full = unpack(layout, drive, point, start)
-        return jnp.stack([part_of(full, free.path) for free in layout])
-
-    return values(vector), jax.jacfwd(values)(vector)
-
-
 def touching(
     layout: tuple[Free, ...],
     vector: Float[Numbers, " p"],
@@ -249,6 +230,24 @@ def at_a_bound(
     """Labels of the free parameters that are `touching` an end of their admissible range; arguments as there."""
     ends = touching(layout, vector, start, margin=margin)
     return tuple(free.label for free, end in zip(layout, ends, strict=True) if end)
+
+
+def at_an_end(
+    layout: tuple[Free, ...],
+    vector: Float[Numbers, " p"],
+    start: Float[Numbers, " p"],
+    values: Float[Numbers, " p"],
+) -> Bool[Numbers, " p"]:
+    """Which free parameters the end of their range holds, so that the data do not: those where a descent is stopped
+    before the end of the admissible range, and those whose physical `values` are at a bound of the user's; other
+    arguments as in `unpack`. Works inside transformations."""
+    xp = numpy_or_jax(layout, vector, start, values)
+    found = touching(layout, vector, start, margin=2.0 * INSIDE)
+    if not layout:
+        return found
+    least, most = (xp.stack([getattr(free, end) for free in layout]) for end in ("least", "most"))
+    near = _ALIKE * xp.abs(values)
+    return found | (values - least <= near) | (most - values <= near)
 
 
 def weak_prior(layout: tuple[Free, ...], recordings: int) -> Float[Numbers, " q"]:

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -13,13 +11,11 @@ from frictionjax.core import Estimate, public_verb
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimates_grid
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
-from frictionjax.core.programs import compiled
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.descent.stepper import Ending
 from frictionjax.estimation.evidence import Forces, Positions
 from frictionjax.estimation.objective.posterior import Posterior
-from frictionjax.estimation.parameters import INSIDE, at_a_bound, part_of
-from frictionjax.estimation.uncertainty import covariance_of, estimate_of, inverse_of, raised
+from frictionjax.estimation.uncertainty import estimates, uncertainty_at
 from frictionjax.physics import Drive
 
 _IMPROVING = "The fit stopped at its last round while still improving; start it again from its own result."
@@ -120,65 +116,19 @@ class FitResult(AbstractDisplayed):
         )
 
 
-@compiled()
-def _values(
-    posterior: Posterior, vector: Float[Numbers, " q"]
-) -> tuple[Float[Numbers, " k"], Float[Numbers, "k q"]]:
-    """Values of the free and of the tied parameters, and their slopes by the vector."""
-
-    def values(point: Float[Numbers, " q"]) -> Float[Numbers, " k"]:
-        drive = posterior.drive_of(point)
-        free = [part_of(drive, one.path) for one in posterior.constraints.layout]
-        return jnp.stack(free + [part_of(drive, tie.path) for tie in posterior.constraints.ties])
-
-    return values(vector), jax.jacfwd(values)(vector)
-
-
 def make_result(
     refined: Refined, names: tuple[tuple[str, ...], ...], units: Mapping[str, str], extra: tuple[str, ...]
 ) -> FitResult:
     """The `FitResult` of a `refined` fit; `names` of the recordings of each evidence, `units` by kind, and `extra`
     sentences for the message."""
     posterior, vector = refined.posterior, refined.vector
-    layout, ties = posterior.constraints.layout, posterior.constraints.ties
-    count = len(layout)
+    layout, count = posterior.layout, posterior.parameters
     evaluations = posterior.evaluated(vector)
     near = posterior.assembled(evaluations, vector)
-    hessian = np.asarray(near.hessian)
-    finite = bool(np.all(np.isfinite(hessian)) and all(np.all(np.isfinite(g)) for g in near.clusters))
-    values, slope = (np.asarray(a) for a in _values(posterior, vector))
-    at_end = set(at_a_bound(layout, vector[:count], posterior.start[:count], margin=2.0 * INSIDE))
-    at_end |= {
-        one.label
-        for one, value in zip(layout, values, strict=False)
-        if value <= float(one.least) + 1e-9 * abs(float(one.least))
-        or value >= float(one.most) - 1e-9 * abs(float(one.most))
-    }
-    size = count + len(ties)
-    white = robust = np.full((size, size), np.inf)
-    by_prior = np.zeros(count, bool)
-    if finite:
-        white = slope @ inverse_of(hessian) @ slope.T
-        robust = raised(white, slope @ covariance_of(posterior, evaluations, near) @ slope.T)
-        # What rests on the weak prior is not identified by the data, however little the gradients scatter.
-        # Judged on the values, not on their coordinates: some of these are ratios, of which one part may be known.
-        wide = np.sum((slope / np.asarray(posterior.prior)) ** 2, axis=1)
-        by_prior = np.diag(white)[:count] > 0.25 * wide[:count]
-    spread = np.sqrt(np.maximum(np.diag(robust), 0.0)) if finite else np.full(size, np.inf)
-    spread[:count][by_prior | np.array([one.label in at_end for one in layout], dtype=bool)] = np.inf
-    parameters = {}
-    for one, value, stderr in zip(layout, values, spread, strict=False):
-        parameters[one.label] = estimate_of(one, value, stderr, units)
-    for tie, value, stderr in zip(ties, values[count:], spread[count:], strict=True):
-        source = parameters.get(tie.source)
-        unknown = source is not None and not np.isfinite(source.stderr)
-        unit = tie.unit
-        for name, text in units.items():
-            unit = unit.replace("{" + name + "}", text)
-        known = source is None or source.identified
-        parameters[tie.label] = Estimate(
-            float(value), float("inf") if unknown else float(stderr), unit, known
-        )
+    known = uncertainty_at(posterior, vector, evaluations, near)
+    parameters, errors = estimates(posterior, known, units), known.errors
+    finite = bool(np.all(np.isfinite(errors.covariance)))
+    at_end = {one.label for one, end in zip(layout, known.at_end, strict=True) if end}
     unidentified = [
         one.label for one in layout if not parameters[one.label].identified and one.label not in at_end
     ]
@@ -200,8 +150,8 @@ def make_result(
         drive=posterior.drive_of(vector),
         parameters=parameters,
         names=tuple(one.label for one in layout),
-        covariance=robust[:count, :count],
-        covariance_white=white[:count, :count],
+        covariance=errors.covariance[:count, :count],
+        covariance_white=errors.white[:count, :count],
         noise=_noise_of(refined, near.powers, names),
         cost=refined.cost,
         success=refined.converged and finite,

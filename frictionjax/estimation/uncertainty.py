@@ -1,20 +1,29 @@
-"""Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time."""
+"""Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time.
+
+The covariance of a free vector (`covariance_of`) becomes the standard errors of physical values in one place,
+`standard_errors`: for a fit, for many fits and for a diagnosis.
+"""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core import Estimate
 from frictionjax.core.arrays import Numbers
+from frictionjax.estimation.objective.model import physical
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
-from frictionjax.estimation.parameters import Free, physical
+from frictionjax.estimation.parameters import Free, at_an_end
 
 _FEWEST = 30
 """Clusters: with fewer their scatter is hardly known."""
 _FEW = 20  # clusters: fewer tell nothing of how errors correlate
 _MOST_OWN = 0.9
+_BY_PRIOR = (
+    0.25  # of the prior's variance, half of its standard deviation: with more a value rests on the prior
+)
 _TOGETHER = (4, 2, 1)  # clusters of 0.5 s that are added up, while enough are left
 
 
@@ -110,13 +119,6 @@ def clustered_covariance(
     return covariance + np.diag(np.maximum(most - np.diag(covariance), 0.0))
 
 
-def raised(white: Float[np.ndarray, "p p"], clustered: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """The `white` covariance of physical values, with standard deviations raised where the `clustered` one has larger
-    ones: the values are no coordinates of the fit, in which it is never below the white one."""
-    more = np.sqrt(np.maximum(np.diag(clustered) / np.maximum(np.diag(white), 1e-300), 1.0))
-    return white * np.outer(more, more)
-
-
 def covariance_of(
     posterior: Posterior, evaluations: tuple[Evaluation, ...], near: Quadratic
 ) -> Float[np.ndarray, "q q"]:
@@ -149,35 +151,117 @@ def _longer(
     return sums[:, :count], sums[:, count:].reshape(-1, count, count)
 
 
-def estimates(
+class StandardErrors(NamedTuple):
+    """What is known of k physical values: their covariance by the inverse information, `white`, and with standard
+    deviations raised where clusters say more, `covariance`, shape `(k, k)` each; and the standard errors `stderr`,
+    shape `(k,)`, infinite where the data do not determine a value."""
+
+    white: Float[np.ndarray, "k k"]
+    covariance: Float[np.ndarray, "k k"]
+    stderr: Float[np.ndarray, " k"]
+
+
+def standard_errors(
+    slopes: Float[np.ndarray, "k q"],
+    hessian: Float[np.ndarray, "q q"],
+    clustered: Float[np.ndarray, "q q"],
+    prior: Float[np.ndarray, " q"],
+    at_end: Bool[np.ndarray, " k"],
+) -> StandardErrors:
+    """Standard errors of physical values by the delta method, from the covariance of a free vector.
+
+    They are those of the inverse information, raised where clusters of correlated errors say more: in the coordinates
+    of the fit the clustered covariance is never below the white one, but the values are no such coordinates. A value at
+    the end of its range, or that rests on the weak prior, is not determined by the data, however little the gradients
+    scatter: its error is infinite. The prior is judged on the values, not on their coordinates: some of these are
+    ratios, of which one part may be known. Where a derivative is not finite all errors are infinite.
+
+    **Arguments:**
+
+    - `slopes`: of the values by the free vector.
+    - `hessian`: of the cost, with the prior.
+    - `clustered`: covariance of the free vector (`clustered_covariance`).
+    - `prior`: inverse standard deviations of the weak prior.
+    - `at_end`: which values are at the end of their range.
+    """
+    size = len(slopes)
+    if not (np.all(np.isfinite(hessian)) and np.all(np.isfinite(clustered))):
+        unknown = np.full((size, size), np.inf)
+        return StandardErrors(unknown, unknown, np.full(size, np.inf))
+    white = slopes @ inverse_of(hessian) @ slopes.T
+    covariance = _raised(white, slopes @ clustered @ slopes.T)
+    by_prior = np.diag(white) > _BY_PRIOR * np.sum((slopes / prior) ** 2, axis=1)
+    stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return StandardErrors(white, covariance, np.where(by_prior | at_end, np.inf, stderr))
+
+
+def _raised(white: Float[np.ndarray, "k k"], clustered: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    """The `white` covariance, with standard deviations raised where the `clustered` one has larger ones."""
+    more = np.sqrt(np.maximum(np.diag(clustered) / np.maximum(np.diag(white), 1e-300), 1.0))
+    return white * np.outer(more, more)
+
+
+class Uncertainty(NamedTuple):
+    """The physical `values` of the p free and then of the tied parameters at a minimum, shape `(k,)`, their `errors`,
+    and which free ones are at the end of their range, `at_end`, shape `(p,)`."""
+
+    values: Float[np.ndarray, " k"]
+    errors: StandardErrors
+    at_end: Bool[np.ndarray, " p"]
+
+
+def uncertainty_at(
     posterior: Posterior,
     vector: Float[Numbers, " q"],
-    covariance: Float[np.ndarray, "q q"],
-    units: dict[str, str],
-) -> dict[str, Estimate]:
-    """Physical values with standard errors by the delta method; label -> `Estimate`."""
-    layout, count = posterior.layout, posterior.parameters
-    values, jacobian = physical(layout, posterior.drive, vector[:count], posterior.start[:count])
-    if np.all(np.isfinite(covariance)):
-        spread = np.sqrt(np.maximum(np.diag(jacobian @ covariance[:count, :count] @ jacobian.T), 0.0))
-    else:
-        spread = np.full(count, np.inf)
-    return {
-        free.label: estimate_of(free, value, stderr, units)
-        for free, value, stderr in zip(layout, values, spread, strict=True)
+    evaluations: tuple[Evaluation, ...],
+    near: Quadratic,
+) -> Uncertainty:
+    """The physical values of the parameters of `posterior` at the free `vector`, shape `(q,)`, with their
+    `standard_errors` by the covariance at the minimum of a descent: of the `evaluations` and the cost `near` there."""
+    constraints, count = posterior.constraints, posterior.parameters
+    values, slopes = physical(posterior.model, np.asarray(vector)[:count])
+    start = np.asarray(posterior.start)[:count]
+    at_end = np.asarray(at_an_end(constraints.layout, np.asarray(vector)[:count], start, values[:count]))
+    ended = {one.label for one, end in zip(constraints.layout, at_end, strict=True) if end}
+    tied = np.array([tie.source in ended for tie in constraints.ties], dtype=bool)
+    # No value depends on a starting deflection.
+    hessian, prior = np.asarray(near.hessian), np.asarray(posterior.prior)
+    slopes = np.pad(slopes, ((0, 0), (0, prior.size - count)))
+    clustered = covariance_of(posterior, evaluations, near)
+    errors = standard_errors(slopes, hessian, clustered, prior, np.concatenate([at_end, tied]))
+    return Uncertainty(values, errors, at_end)
+
+
+def estimates(posterior: Posterior, known: Uncertainty, units: Mapping[str, str]) -> dict[str, Estimate]:
+    """Label -> `Estimate` of the free and of the tied parameters of `posterior`, of whose values this is `known`;
+    `units` names force, position and input."""
+    layout, ties = posterior.constraints.layout, posterior.constraints.ties
+    pairs = list(zip(known.values, known.errors.stderr, strict=True))
+    found = {
+        free.label: _estimate_of(free, value, stderr, units)
+        for free, (value, stderr) in zip(layout, pairs[: len(layout)], strict=True)
     }
+    for tie, (value, stderr) in zip(ties, pairs[len(layout) :], strict=True):
+        source = found.get(tie.source)
+        # What follows a fixed parameter is known as that is.
+        error = float(stderr) if source is None or np.isfinite(source.stderr) else float("inf")
+        identified = source is None or source.identified
+        found[tie.label] = Estimate(float(value), error, _unit_of(tie.unit, units), identified)
+    return found
 
 
-def estimate_of(free: Free, value: float, stderr: float, units: Mapping[str, str]) -> Estimate:
-    """The parameter `free` with its `value` and standard error `stderr`; `units` names force, position and input.
-
-    One whose standard error exceeds half its value (or that the weak prior determines) is not identified.
-    """
+def _estimate_of(free: Free, value: float, stderr: float, units: Mapping[str, str]) -> Estimate:
+    """The parameter `free` with its `value` and standard error `stderr`; one whose standard error exceeds half its
+    value (or that the weak prior determines) is not identified."""
     positive = free.parameter.transform == "log"
-    # A parameter at the end of its range has no slope left: a standard error of zero has no meaning.
+    # Without a slope a standard error of zero has no meaning.
     identified = bool(0.0 < stderr < np.inf) and (not positive or bool(stderr < 0.5 * abs(value)))
-    unit = free.parameter.unit
+    known = float(stderr) if stderr > 0.0 else float("inf")
+    return Estimate(float(value), known, _unit_of(free.parameter.unit, units), identified)
+
+
+def _unit_of(unit: str, units: Mapping[str, str]) -> str:
+    """A `unit` with the names of force, position and input in it."""
     for name, text in units.items():
         unit = unit.replace("{" + name + "}", text)
-    known = float(stderr) if stderr > 0.0 else float("inf")
-    return Estimate(float(value), known, unit, identified)
+    return unit

@@ -10,13 +10,16 @@ from helpers_plants import FORMS, effect
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from frictionjax.estimation.constraints import Constraints
+from frictionjax.estimation.objective.model import Model, physical
 from frictionjax.estimation.parameters import (
+    INSIDE,
     at_a_bound,
+    at_an_end,
     base_layout,
     changed,
     effect_layout,
     pack,
-    physical,
     touching,
     unpack,
 )
@@ -34,6 +37,11 @@ SCALES = {
     )
 }
 """Sizes without a meaning, each its own number, so that a mix-up shows."""
+
+
+def _physical(layout, drive, vector, start):
+    """Values at `vector` and their Jacobian, with ranges about `start`."""
+    return physical(Model(Constraints(layout, (), ()), drive, start), vector)
 
 
 def _decades(low, high):
@@ -143,7 +151,7 @@ def test_effects_follow_the_base_and_each_other():
     layout = base_layout(drive, DT) + effect_layout(drive, SCALES)
     assert [free.path for free in layout[7:]] == ["effects.0.load", "effects.1.delay"]
     assert [free.label for free in effect_layout(drive, SCALES, first=1)] == ["delay"]
-    values, _ = physical(layout, drive, pack(layout, drive), pack(layout, drive))
+    values, _ = _physical(layout, drive, pack(layout, drive), pack(layout, drive))
     np.testing.assert_allclose(values, [*truth(PLANT).values(), 0.1, 1e-3], rtol=1e-12)
 
 
@@ -169,6 +177,26 @@ def test_the_ends_of_a_range_are_found_inside_transformations():
         np.testing.assert_array_equal(found, np.eye(len(BASE), dtype=bool))
 
 
+def test_a_value_where_a_descent_is_stopped_is_at_an_end():
+    """A fit that would leave a range is put back just inside, where there still is a slope; and a user's bound."""
+    start, values = pack(BASE, PLANT), np.array(list(truth(PLANT).values()))
+    assert not np.any(at_an_end(BASE, start, start, values))
+    for index, free in enumerate(BASE):
+        low, high = (float(end) for end in free.range(start[index]))
+        for end in (low + INSIDE, high - INSIDE, high + 3.0):
+            found = at_an_end(BASE, jnp.asarray(start).at[index].set(end), start, values)
+            assert np.flatnonzero(found).tolist() == [index]
+        bounded = list(BASE)
+        for bounds in ((values[index], 9e9), (0.0, values[index])):
+            bounded[index] = eqx.tree_at(
+                lambda f: (f.least, f.most), free, tuple(np.asarray(end) for end in bounds)
+            )
+            ended = jax.jit(lambda layout, *rest: at_an_end(layout, *rest))
+            for found in (at_an_end, ended):
+                there = found(tuple(bounded), start, start, values)
+                assert np.flatnonzero(there).tolist() == [index]
+
+
 def test_a_strength_that_rests_on_zero_is_at_the_end_of_its_range():
     drive = PLANT.with_effects(effect("Delay"))
     layout = effect_layout(drive, SCALES)
@@ -182,17 +210,17 @@ def test_a_start_at_an_end_is_moved_inside():
     layout = base_layout(drive, DT)
     vector = pack(layout, drive)
     assert at_a_bound(layout, vector, vector) == ()
-    _, jacobian = physical(layout, drive, vector, vector)
+    _, jacobian = _physical(layout, drive, vector, vector)
     assert np.all(np.abs(np.diag(jacobian)) > 0.0)
 
 
 def test_physical_jacobian_agrees_with_differences():
     start = pack(BASE, PLANT)
-    _, jacobian = physical(BASE, PLANT, start, start)
+    _, jacobian = _physical(BASE, PLANT, start, start)
     h = 1e-5
     for index in range(len(BASE)):
         moved = [
-            physical(BASE, PLANT, jnp.asarray(start).at[index].add(s * h), start)[0] for s in (-1.0, 1.0)
+            _physical(BASE, PLANT, jnp.asarray(start).at[index].add(s * h), start)[0] for s in (-1.0, 1.0)
         ]
         difference = (moved[1] - moved[0]) / (2.0 * h)
         np.testing.assert_allclose(jacobian[:, index], difference, rtol=1e-8, atol=1e-8)

@@ -79,9 +79,8 @@ def ends(costs, values, converged=True):
     values, square = np.array(values, dtype=float)[:, None], np.ones((d, 1, 1))
     noise = Noise(np.ones((d, 1)), np.ones((d, 1)), np.ones((d, 1)))
     done, moved = np.broadcast_to(np.asarray(converged), d).copy(), np.zeros(d)
-    return Found(
-        values.copy(), values, square, square.copy(), square.copy(), noise, np.array(costs), moved, done
-    )
+    known, ended = (values, square, square.copy(), square.copy()), np.zeros((d, 1), bool)
+    return Found(values.copy(), *known, ended, noise, np.array(costs), moved, done)
 
 
 def test_a_set_unlike_the_others_is_doubted():

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionjax.estimation.uncertainty import clustered_covariance, jackknife, merged, sandwich
+from frictionjax.estimation.uncertainty import (
+    clustered_covariance,
+    jackknife,
+    merged,
+    sandwich,
+    standard_errors,
+)
 
 
 def test_sandwich_of_independent_noise_is_the_inverse_information():
@@ -123,3 +129,31 @@ def test_few_clusters_say_nothing_of_correlation():
     own = np.array([98.0, 1.0, 1.0])[:, None, None]
     found = clustered_covariance(np.array([[100.0]]), [np.array([[10.0], [-5.0], [-5.0]])], [own], [1])
     assert found[0, 0] == pytest.approx(0.01)
+
+
+def _stated(slopes, clustered, *, hessian=None, prior=0.0, at_end=False):
+    """Standard errors of values with these `slopes` by two coordinates, of a covariance by information of 1."""
+    hessian = np.eye(2) if hessian is None else hessian
+    ends = np.full(len(slopes), at_end)
+    return standard_errors(np.asarray(slopes), hessian, np.asarray(clustered), np.full(2, prior + 1e-9), ends)
+
+
+def test_no_value_is_better_known_than_by_the_information():
+    """Errors of two coordinates that go together: their ratio seems to be known, and their product is not."""
+    found = _stated([[1.0, 0.0], [1.0, -1.0], [1.0, 1.0]], [[4.0, 3.9], [3.9, 4.0]])
+    np.testing.assert_allclose(found.stderr, np.sqrt([4.0, 2.0, 15.8]))
+    np.testing.assert_allclose(np.diag(found.white), [1.0, 2.0, 2.0])
+    np.testing.assert_allclose(np.diag(found.covariance), found.stderr**2)
+
+
+def test_what_the_data_do_not_determine_has_no_error():
+    """At an end of the range; with more than half of the prior's width, by the information alone; not finite."""
+    assert np.all(_stated(np.eye(2), np.eye(2), at_end=np.array([True, False])).stderr == [np.inf, 1.0])
+    for prior, expected in ((0.49, 3.0), (0.51, np.inf)):
+        assert _stated([[1.0, 0.0]], 9.0 * np.eye(2), prior=prior).stderr == [expected]
+    # A ratio whose other part is known: judged by both.
+    known = _stated([[1.0, 9.0]], np.eye(2), hessian=np.diag([1.0, 1e9]), prior=0.51)
+    assert known.stderr == pytest.approx(np.sqrt(82.0))
+    for lost in ({"hessian": np.diag([np.nan, 1.0])}, {"clustered": np.diag([np.inf, 1.0])}):
+        found = _stated(**({"slopes": np.eye(2), "clustered": np.eye(2)} | lost))
+        assert np.all(np.isinf(found.stderr)) and np.all(np.isinf(found.covariance))

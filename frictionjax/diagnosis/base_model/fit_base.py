@@ -22,7 +22,7 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import robust_posterior
 from frictionjax.estimation.parameters import at_a_bound
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import covariance_of, estimates
+from frictionjax.estimation.uncertainty import estimates, uncertainty_at
 from frictionjax.physics import Drive
 
 _SETTLING = 8  # steps of a descent without the unpredictable blocks
@@ -161,9 +161,9 @@ def reported_parameters(
     if not lacking:
         vector, coarse = at_finer_steps(posterior, fitted.vector, fitted.near, evaluations[0])
     # At the steps of the fit: their integration error scatters like noise, and stands for that of finer steps.
-    covariance = covariance_of(posterior, evaluations, fitted.near)
+    known = uncertainty_at(posterior, vector, evaluations, fitted.near)
     message = " ".join(text for text, applies in ((_COARSE, coarse), (_CHAOTIC, chaotic)) if applies)
-    return estimates(posterior, vector, covariance, units), message
+    return estimates(posterior, known, units), message
 
 
 def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, Fitted]:

@@ -23,7 +23,7 @@ from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.loss import Gaussian
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import changed
-from frictionjax.estimation.uncertainty import covariance_of, estimates
+from frictionjax.estimation.uncertainty import estimates, uncertainty_at
 
 _STEPS = 2  # integration steps a sample at least, as in `fit`
 
@@ -133,7 +133,8 @@ def likeliest_parameters(
     found = _refined(posterior, vector, max(posterior.batch.substeps, _STEPS))
     evaluations = found.posterior.evaluated(found.vector)
     near = found.posterior.assembled(evaluations, found.vector)
-    return estimates(found.posterior, found.vector, covariance_of(found.posterior, evaluations, near), units)
+    known = uncertainty_at(found.posterior, found.vector, evaluations, near)
+    return estimates(found.posterior, known, units)
 
 
 def _refined(posterior: Posterior, vector: Float[Numbers, " q"], substeps: int) -> Refined:

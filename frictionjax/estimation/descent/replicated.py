@@ -1,5 +1,7 @@
 """Fits of data sets of one shape, side by side on one device: the two descents of `fit`, and what is kept of each."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,7 +15,7 @@ from frictionjax.estimation.descent.settle import robust_costs, settle
 from frictionjax.estimation.evidence import Noise
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import cluster_curvatures, spread_out
-from frictionjax.estimation.parameters import part_of
+from frictionjax.estimation.parameters import at_an_end
 from frictionjax.estimation.uncertainty import clustered_covariance
 
 
@@ -36,7 +38,8 @@ class Found(eqx.Module):
     """Where the fits of `d` data sets ended.
 
     **Attributes:** `vector`: free coordinates; `values` of the p parameters, their `slopes` by the vector; `hessian`
-    of the cost and `covariance` of the vector; `noise`; `cost`, `moved`, `converged`: as in `Replicas`.
+    of the cost and `covariance` of the vector; `at_end`: which values are at the end of their range; `noise`; `cost`,
+    `moved`, `converged`: as in `Replicas`.
     """
 
     vector: Float[np.ndarray, "d q"]
@@ -44,6 +47,7 @@ class Found(eqx.Module):
     slopes: Float[np.ndarray, "d p q"]
     hessian: Float[np.ndarray, "d q q"]
     covariance: Float[np.ndarray, "d q q"]
+    at_end: Bool[np.ndarray, "d p"]
     noise: Noise
     cost: Float[np.ndarray, " d"]
     moved: Float[np.ndarray, " d"]
@@ -96,19 +100,20 @@ def fitted(posterior: Posterior, sets: Sets, *, substeps: int, first_descent: bo
         posteriors, vectors = _within(posteriors, vectors)
     known = np.zeros(sets.x.shape[1], dtype=bool)
     refined = refine(ManyFits(known, substeps), at_start(posteriors, vectors), near=not first_descent)
-    values, slopes, hessian, clusters, bent = (np.asarray(a) for a in _near(refined.state))
+    near = jax.tree.map(np.asarray, _near(refined.state))
     place = posterior.places[0]
     covariance = [
         clustered_covariance(matrix, [own], [spread_out(parts, place)], [place.rows])
-        for matrix, own, parts in zip(hessian, clusters, bent, strict=True)
+        for matrix, own, parts in zip(near.hessian, near.clusters, near.curvatures, strict=True)
     ]
     noise, progress = (jax.tree.map(np.array, own) for own in (refined.state.noise, refined.progress))
     return Found(
         np.array(refined.state.vector),
-        values,
-        slopes,
-        hessian,
+        near.values,
+        near.slopes,
+        near.hessian,
         np.stack(covariance),
+        near.at_end,
         noise,
         progress.least,
         progress.moved,
@@ -116,38 +121,34 @@ def fitted(posterior: Posterior, sets: Sets, *, substeps: int, first_descent: bo
     )
 
 
-@eqx.filter_jit
-def _near(
-    states: State,
-) -> tuple[
-    Float[Numbers, "d p"],
-    Float[Numbers, "d p q"],
-    Float[Numbers, "d q q"],
-    Float[Numbers, "d c q"],
-    Float[Numbers, "d r m k k"],
-]:
-    """Values of the parameters and their slopes by the vector, matrix of the cost, gradients and curvatures of its
-    clusters, of each of `states`."""
+class _Near(NamedTuple):
+    """At the minimum of each of `d` fits: `values` of the parameters, their `slopes` by the vector and which are at the
+    end of their range, `at_end`; `hessian` of the cost, and gradients, `clusters`, and `curvatures` of its clusters."""
 
-    def one(
-        state: State,
-    ) -> tuple[
-        Float[Numbers, " p"],
-        Float[Numbers, "p q"],
-        Float[Numbers, "q q"],
-        Float[Numbers, "c q"],
-        Float[Numbers, "r m k k"],
-    ]:
-        there, vector = state.posterior, state.vector
+    values: Float[Numbers, "*d p"]
+    slopes: Float[Numbers, "*d p q"]
+    at_end: Bool[Numbers, "*d p"]
+    hessian: Float[Numbers, "*d q q"]
+    clusters: Float[Numbers, "*d c q"]
+    curvatures: Float[Numbers, "*d r m k k"]
+
+
+@eqx.filter_jit
+def _near(states: State) -> _Near:
+    """What is near each of `states`."""
+
+    def one(state: State) -> _Near:
+        there, vector, count = state.posterior, state.vector, state.posterior.parameters
         evaluations = there.evaluate(vector)
         near = there.assembled(evaluations, vector)
         parts = (there.loss, there.weights[0], there.places[0], there.fitted[0])
         bent = cluster_curvatures(evaluations[0], *parts)
 
         def values(point: Float[Numbers, " q"]) -> Float[Numbers, " p"]:
-            drive = there.drive_of(point)
-            return jnp.stack([part_of(drive, free.path) for free in there.layout])
+            return there.model.values_of(point[:count])[:count]
 
-        return values(vector), jax.jacfwd(values)(vector), near.hessian, near.clusters[0], bent
+        own = values(vector)
+        at_end = at_an_end(there.layout, vector[:count], there.start[:count], own)
+        return _Near(own, jax.jacfwd(values)(vector), at_end, near.hessian, near.clusters[0], bent)
 
     return jax.vmap(one)(states)

@@ -3,13 +3,14 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings
-from frictionjax.estimation.parameters import unpack
+from frictionjax.estimation.parameters import part_of, unpack
 from frictionjax.physics import Drive
 
 
@@ -26,6 +27,28 @@ class Model(eqx.Module):
     def drive_of(self, parameters: Float[Numbers, " p"]) -> Drive:
         """The `Drive` of these free `parameters`, shape `(p,)`."""
         return self.constraints.tied(unpack(self.constraints.layout, self.drive, parameters, self.centre))
+
+    def values_of(self, parameters: Float[Numbers, " p"]) -> Float[Numbers, " k"]:
+        """Physical values of the free and then of the tied parameters, at free `parameters`, shape `(p,)`."""
+        drive = self.drive_of(parameters)
+        paths = [one.path for one in (*self.constraints.layout, *self.constraints.ties)]
+        return jnp.stack([part_of(drive, path) for path in paths])
+
+
+def physical(
+    model: Model, parameters: Float[Numbers, " p"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
+    """Physical values of the free and then of the tied parameters of `model`, shape `(k,)`, and their Jacobian by the
+    free `parameters`, shape `(k, p)`: for the delta method."""
+    values, jacobian = _physical(model, parameters)
+    return np.asarray(values), np.asarray(jacobian)
+
+
+@compiled()
+def _physical(
+    model: Model, parameters: Float[Numbers, " p"]
+) -> tuple[Float[Numbers, " k"], Float[Numbers, "k p"]]:
+    return model.values_of(parameters), jax.jacfwd(model.values_of)(parameters)
 
 
 # Higher levels of XLA compile for longer, and the loop is no faster for it.

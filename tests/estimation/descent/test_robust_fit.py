@@ -28,11 +28,18 @@ from frictionjax.estimation import starting_values
 from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
+from frictionjax.estimation.descent.refine import OneFit, Refined, at_start
 from frictionjax.estimation.descent.robust import Ending, Fitted, _step, descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.parameters import effect_layout, pack
+from frictionjax.estimation.result import make_result
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import covariance_of, estimates
+from frictionjax.estimation.uncertainty import (
+    StandardErrors,
+    Uncertainty,
+    covariance_of,
+    estimates,
+)
 from frictionjax.physics import Drive
 
 KM = float(PLANT.motor_constant)
@@ -113,6 +120,23 @@ def test_the_covariance_is_one(fitted, parameters):
     # A logarithm's standard error is the relative one.
     J = parameters["J"]
     assert np.sqrt(covariance[0, 0]) == pytest.approx(J.stderr / J.value, rel=1e-6)
+
+
+def _as_a_fit(posterior, vector):
+    """What `fit` states of the same minimum of the same objective."""
+    state = at_start(posterior, vector)
+    refined = Refined(state, OneFit(np.zeros(0, bool), 1).started(state))
+    return make_result(refined, (tuple("abcd"[: posterior.batch.x.shape[0]]),), UNITS, ()).parameters
+
+
+def test_a_diagnosis_states_the_errors_of_a_fit(fitted, quiet):
+    """Two roads to the same values, errors and units: with all parameters determined, and with some by the prior."""
+    end = _ended(*quiet)
+    for model in (fitted, end):
+        stated = reported_parameters(model, UNITS, lacking=True)[0]
+        assert stated == _as_a_fit(model.posterior, model.fitted.vector)
+    by_prior = {name for name, one in stated.items() if one.stderr == np.inf}
+    assert {"sigma2", "vs"} <= by_prior < set(stated)
 
 
 def test_clusters_add_up_to_the_gradient(fitted):
@@ -269,7 +293,8 @@ def test_every_free_parameter_has_a_row_of_its_own(quiet):
     posterior = eqx.tree_at(
         lambda p: (p.constraints, p.drive, p.start), quiet[0], (Constraints(layout, (), ()), drive, vector)
     )
-    assert len(estimates(posterior, vector, np.eye(6), {})) == 6
+    known = StandardErrors(np.eye(6), np.eye(6), np.ones(6))
+    assert len(estimates(posterior, Uncertainty(vector, known, np.zeros(6, bool)), {})) == 6
 
 
 def test_an_effect_of_zero_strength_changes_no_misfit(quiet):
