@@ -271,9 +271,9 @@ def test_a_case_file_stands_alone(api, tmp_path, capsys, arguments, words):
 
 def test_what_may_be_read_is_an_option(api, tmp_path):
     assert main(["diagnose", "case.toml", "--out", str(tmp_path)]) == 0
-    assert api["options"] == {"allow_outside": False, "limit": None}
+    assert api["options"] == {"allow_outside": False, "limit": None, "needs_holdout": True}
     assert main(["diagnose", "case.toml", "--allow-outside", "--limit", "2", "--out", str(tmp_path)]) == 0
-    assert api["options"] == {"allow_outside": True, "limit": 2.0}
+    assert api["options"] == {"allow_outside": True, "limit": 2.0, "needs_holdout": True}
 
 
 def test_a_request_to_end_is_a_line_and_status_143(api, tmp_path, capsys):

@@ -14,11 +14,13 @@ from scipy.signal import lfilter
 from frictionjax.cli import main
 from frictionjax.cli.cases import OPTIONS
 from frictionjax.core import Estimate, FrictionjaxWarning
+from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import load_case
 from frictionjax.recordings.schema import CASE_KEYS, PLANT_KEYS, RECORDING_KEYS
 from frictionjax.report.save import verdict_json
 
 N = 1200
+DRIVE = Drive(J=1.0, friction=LuGre(1e5, 300.0, 0.4, 0.3, 0.4, 1e-2), motor_constant=1.0)
 
 
 @pytest.fixture
@@ -76,6 +78,27 @@ def test_check_as_json(files, capsys):
     assert [one["sample_rate"] for one in content["recordings"]] == [500.0, 500.0]
     assert set(content["cannot_show"]).isdisjoint(content["could_show"])
     assert (files / "seen.png").exists()
+
+
+@pytest.mark.parametrize("command", ["check", "frf", "simulate"])
+def test_what_judges_nothing_needs_no_holdout(files, capsys, monkeypatch, command):
+    monkeypatch.setattr("frictionjax.exchange.load_fit", lambda path: types.SimpleNamespace(drive=DRIVE))
+    first = ["fit.json"] if command == "simulate" else []
+    options = {"simulate": ["--out", "out.csv"], "frf": ["--segment", "256"]}.get(command, [])
+    assert main([command, *first, "run.csv", "kept.csv", *options]) == 0
+    printed = capsys.readouterr()
+    assert "last third" not in printed.err
+    if command == "check":
+        assert "run (fitted):" in printed.out and "kept (fitted):" in printed.out
+        assert "one of them held out (--holdout FILE" in printed.out.splitlines()[-1]
+
+
+def test_check_looks_at_a_case_file_without_a_holdout(files, capsys):
+    (files / "case.toml").write_text('[[recording]]\nfile = "run.csv"\n[[recording]]\nfile = "kept.csv"\n')
+    assert main(["check", "case.toml"]) == 0
+    assert "kept (fitted):" in capsys.readouterr().out
+    assert main(["fit", "case.toml"]) == 2
+    assert "no recording is held out" in error(capsys)
 
 
 def test_check_refuses_a_picture_that_cannot_be_written(files, capsys):
@@ -290,12 +313,7 @@ def test_fit_keeps_the_likelier_input_where_it_is_to_decide(files, capsys, monke
 
 
 def test_simulate_runs_a_saved_drive_on_a_recorded_input(files, capsys, monkeypatch):
-    from frictionjax.physics import Drive, LuGre
-
-    class Saved:
-        drive = Drive(J=1.0, friction=LuGre(1e5, 300.0, 0.4, 0.3, 0.4, 1e-2), motor_constant=1.0)
-
-    monkeypatch.setattr("frictionjax.exchange.load_fit", lambda path: Saved())
+    monkeypatch.setattr("frictionjax.exchange.load_fit", lambda path: types.SimpleNamespace(drive=DRIVE))
     assert main(["simulate", "fit.json", *BOTH, "--recording", "kept", "--out", "run.csv"]) == 0
     assert "kept: x simulated from the input alone differs by" in capsys.readouterr().out
     table = np.genfromtxt("run.csv", delimiter=",", names=True)

@@ -33,8 +33,9 @@ _BY_ROLE = ("columns", "units", "scale")
 _BY_FILE = ("start_time", "interval")
 
 
-def case_of(arguments: "argparse.Namespace") -> "Case":
-    """The case that the `arguments` of a command describe: a case file, or recordings and options."""
+def case_of(arguments: "argparse.Namespace", *, needs_holdout: bool = True) -> "Case":
+    """The case that the `arguments` of a command describe: a case file, or recordings and options; a command that
+    judges nothing `needs_holdout` not, as in `load_case`."""
     from frictionjax.core import InputError
     from frictionjax.recordings import case_from_files, load_case
 
@@ -43,14 +44,21 @@ def case_of(arguments: "argparse.Namespace") -> "Case":
     given = options_of(arguments)
     if not case_files:
         holdout = given.pop("holdout", [])
-        return case_from_files(arguments.inputs, holdout, limit=arguments.limit, **given)
+        return case_from_files(
+            arguments.inputs, holdout, limit=arguments.limit, needs_holdout=needs_holdout, **given
+        )
     if others or arguments.holdout:
         problem = "a case file lists its own recordings, so it is the only argument"
         raise InputError(problem, file=case_files[0], cure="Give one case file, or recordings only")
     for key in given:
         problem = f"`{OPTIONS[key]}` is for recordings without a case file"
         raise InputError(problem, file=first, cure=f"Write {key} into the case file")
-    return load_case(first, allow_outside=arguments.allow_outside, limit=arguments.limit)
+    return load_case(
+        first,
+        allow_outside=arguments.allow_outside,
+        limit=arguments.limit,
+        needs_holdout=needs_holdout,
+    )
 
 
 def options_of(arguments: "argparse.Namespace") -> dict[str, Any]:

@@ -83,7 +83,7 @@ def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.frequency import estimate_frf, fit_sk
 
     _check_folder(arguments.out)
-    case = case_of(arguments)
+    case = case_of(arguments, needs_holdout=False)
     recording, plant = _chosen(case, arguments.recording), case.plant
     if recording.drive == "motion":
         raise InputError(
@@ -136,7 +136,7 @@ def simulate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
 
     _check_folder(arguments.out)
     drive = load_fit(arguments.model).drive
-    case = case_of(arguments)
+    case = case_of(arguments, needs_holdout=False)
     recording, plant = _chosen(case, arguments.recording), case.plant
     terminal.progress("simulating", 0.5)
     if recording.drive == "motion":

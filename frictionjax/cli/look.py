@@ -18,7 +18,7 @@ def check(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.recordings import audit
     from frictionjax.report.recordings import draw_recordings
 
-    case = case_of(arguments)
+    case = case_of(arguments, needs_holdout=False)
     terminal.progress("examining", 0.5)
     audits = [audit(recording, case.plant) for recording in case.recordings]
     hidden = not_shown(case)
@@ -37,13 +37,10 @@ def check(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     say(["The fitted recordings could show:", f"  {', '.join(shown) or 'no effect'}"])
     if hidden:
         say(["They cannot show:", *(f"  {name}: {reason}" for name, reason in hidden.items())])
-    say(
-        [
-            "",
-            f"Drawn: {picture}",
-            "Next: frictionjax diagnose, with the same files and options, and --out DIR",
-        ]
-    )
+    held_out = any(recording.role == "holdout" for recording in case.recordings)
+    then = "" if held_out else ' one of them held out (--holdout FILE; in a case file role = "holdout"),'
+    say(["", f"Drawn: {picture}"])
+    say([f"Next: frictionjax diagnose, with the same files and options,{then} and --out DIR"])
 
 
 def new_case(arguments: "argparse.Namespace", terminal: Terminal) -> None:

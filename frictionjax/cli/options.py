@@ -109,7 +109,7 @@ def _check(commands: Any) -> None:
         "read files, draw them, say what they contain and what could be learnt",
         "Read recordings as `diagnose` would, without fitting anything: sampling, noise, regimes of friction, faults, "
         "and which effects these recordings could show.",
-        "frictionjax check run1.csv run2.csv --holdout run3.csv",
+        "frictionjax check run1.csv run2.csv",
         "frictionjax check case.toml --picture case.png",
     )
     _inputs(command)

@@ -29,7 +29,13 @@ from frictionjax.recordings.schema import (
 from frictionjax.recordings.words import require_file, shown
 
 
-def load_case(path: str | Path, *, allow_outside: bool = False, limit: float | None = None) -> Case:
+def load_case(
+    path: str | Path,
+    *,
+    allow_outside: bool = False,
+    limit: float | None = None,
+    needs_holdout: bool = True,
+) -> Case:
     """Read a case file and every recording that it names.
 
     Paths in the file count from its folder. A file may occur more than once with different intervals; the
@@ -41,6 +47,7 @@ def load_case(path: str | Path, *, allow_outside: bool = False, limit: float | N
     - `path`: the case file, TOML.
     - `allow_outside`: whether it may name files outside of its own folder; links count by where they lead.
     - `limit`: the most that is read of one file, unpacked, GB; None: 0.5 GB.
+    - `needs_holdout`: whether several recordings without one that is held out are refused; False to look at them.
 
     **Returns:** the `Case`; each recording's `warnings` contain what the audit found.
 
@@ -55,7 +62,9 @@ def load_case(path: str | Path, *, allow_outside: bool = False, limit: float | N
     folder = path.resolve().parent.name
     fallback = folder if path.stem == "case" and folder else path.stem
     with reading(limit):
-        return _build(table, fallback, path.parent, spot, confined=not allow_outside)
+        return _build(
+            table, fallback, path.parent, spot, confined=not allow_outside, needs_holdout=needs_holdout
+        )
 
 
 def case_from_files(
@@ -79,6 +88,7 @@ def case_from_files(
     units: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
     limit: float | None = None,
+    needs_holdout: bool = True,
 ) -> Case:
     """A case from bare files, all of one layout.
 
@@ -102,7 +112,7 @@ def case_from_files(
         people use for these, with a warning.
     - `units`: units of columns whose headers do not say them, by role.
     - `scale`: factors to the units above, by role.
-    - `limit`: as in `load_case`.
+    - `limit`, `needs_holdout`: as in `load_case`.
 
     **Returns:** the `Case`, as from `load_case`.
 
@@ -131,7 +141,7 @@ def case_from_files(
         table["name"] = name
     fallback = stem(Path(given[0][0])) if given else ""
     with reading(limit):
-        return _build(table, fallback, Path(), Spot(None))
+        return _build(table, fallback, Path(), Spot(None), needs_holdout=needs_holdout)
 
 
 def case_from_table(table: dict[str, Any], name: str) -> Case:
@@ -206,14 +216,22 @@ def _require_shallow(content: str, source: str) -> None:
             )
 
 
-def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, confined: bool = False) -> Case:
+def _build(
+    table: dict[str, Any],
+    fallback: str,
+    folder: Path,
+    spot: Spot,
+    *,
+    confined: bool = False,
+    needs_holdout: bool = True,
+) -> Case:
     """The case from its keys; `folder` is where relative paths begin, and which `confined` ones do not leave."""
     name = text(table, "name", spot) if "name" in table else shown(fallback, LONGEST_TEXT)
     plant_table = table.get("plant", {})
     if not isinstance(plant_table, dict):
         spot.fail("the plant is not a table", "plant", "Write [plant] on a line, and its keys below it")
     plant = parse_plant(plant_table, Spot(spot.source, "[plant]" if spot.source else ""))
-    entries = _entries(table, spot)
+    entries = _entries(table, spot, needs_holdout)
     if confined:
         for entry in entries:
             _require_inside(entry, folder)
@@ -240,8 +258,8 @@ def _build(table: dict[str, Any], fallback: str, folder: Path, spot: Spot, *, co
     return hold_out_last_third(case) if len(recordings) == 1 else case
 
 
-def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
-    """The checked recordings' keys: some to fit and, of several, some held out."""
+def _entries(table: dict[str, Any], spot: Spot, needs_holdout: bool) -> list[Entry]:
+    """The checked recordings' keys: some to fit and, of several, some held out where a case `needs_holdout`."""
     tables = table.get("recording", [])
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         spot.fail("recordings are a list of tables", "recording", "Write [[recording]] with double brackets")
@@ -260,7 +278,7 @@ def _entries(table: dict[str, Any], spot: Spot) -> list[Entry]:
             else "Give at least one file besides the holdout"
         )
         spot.fail("there is no recording to fit", cure=cure)
-    if len(entries) > 1 and "holdout" not in roles:
+    if needs_holdout and len(entries) > 1 and "holdout" not in roles:
         cure = (
             'Mark at least one recording with role = "holdout"; a file may occur twice, with an interval each'
             if spot.source
