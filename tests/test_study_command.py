@@ -1,5 +1,6 @@
 """`frictionjax study`: a design file becomes a store; what is wrong with it is one line and status 2."""
 
+import json
 import sys
 import tomllib
 
@@ -50,6 +51,10 @@ def test_a_design_file_becomes_a_store_and_is_not_run_twice(design, capsys):
         "4 cases (level 2, repeat 2), 0 of them failed." in printed.out and "Written: s.zarr" in printed.out
     )
     assert printed.err.splitlines()[0] == "compiling ..."
+    assert main(["study", "design.toml", "--out", "s.zarr", "--resume", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["cases"], said["failed"], said["sizes"]) == (4, 0, {"level": 2, "repeat": 2})
+    assert "x" in said["results"] and said["written"] == ["s.zarr"]
     found = fj.load_study("s.zarr")
     assert found["x"].shape == (2, 2, 64) and found.attrs["study"]["seed"] == 4
     assert main(["study", "design.toml", "--out", "s.zarr"]) == 2

@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from frictionjax.cli.common_options import json_option
+
 ARM = (
     "arm",
     "name what is missing in the friction of each joint of a robot",
@@ -46,9 +48,7 @@ def arm_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--limit", type=float, metavar="GB", help="the most that is read of one file, unpacked (default: 0.5)"
     )
-    command.add_argument(
-        "--json", action="store_true", help="print arm.json as JSON on stdout, and nothing else"
-    )
+    json_option(command, "arm.json")
 
 
 def _several(command: argparse.ArgumentParser, option: str, what: str, meaning: str) -> None:

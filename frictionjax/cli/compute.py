@@ -131,6 +131,7 @@ def simulate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax simulate`."""
     import numpy as np
 
+    from frictionjax.core.json import plain_json
     from frictionjax.exchange import load_fit
     from frictionjax.simulation import simulate, simulate_imposed
 
@@ -150,6 +151,10 @@ def simulate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     _write_csv(arguments.out, header, (recording.t, cause, measured, simulated))
     terminal.close()
     error = float(np.sqrt(np.mean((simulated - measured) ** 2)))
+    if arguments.json:
+        found = {"recording": recording.name, "of": answer, "error_rms": error, "unit": unit}
+        say_json(plain_json(found | {"written": str(arguments.out)}))
+        return
     say([f"{recording.name}: {answer} simulated from the input alone differs by {error:.4g} {unit} (root mean square).",
          f"Written: {arguments.out}"])  # fmt: skip
 

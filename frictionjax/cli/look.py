@@ -1,5 +1,6 @@
 """The commands that fit nothing: `check`, `case new`, `effects`, `explain`."""
 
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,19 +63,27 @@ def new_case(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     case = case_of(arguments)
     terminal.close()
     text = case_file_text(case, arguments, folder)
-    if arguments.out is None:
+    if arguments.out is not None:
+        _write_new(text, arguments.out)
+    if arguments.json:
+        say_json(tomllib.loads(text))
+    elif arguments.out is None:
         say([text.removesuffix("\n")])
-        return
+    else:
+        say([f"Written: {arguments.out}", f"Next: frictionjax diagnose {arguments.out} --out DIR"])
+
+
+def _write_new(text: str, path: Path) -> None:
+    """Write `text` into a file that is not there yet."""
+    from frictionjax.core import InputError
+
     try:
-        with arguments.out.open("x", encoding="utf-8") as stream:
+        with path.open("x", encoding="utf-8") as stream:
             stream.write(text)
     except OSError as error:
         raise InputError(
-            f"cannot be written ({error.strerror})",
-            file=arguments.out,
-            cure="Choose another name for `--out`",
+            f"cannot be written ({error.strerror})", file=path, cure="Choose another name for `--out`"
         ) from error
-    say([f"Written: {arguments.out}", f"Next: frictionjax diagnose {arguments.out} --out DIR"])
 
 
 def effects(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -95,6 +104,9 @@ def explain(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.report.load import explain_saved
 
     path = Path(arguments.verdict)
-    said = explain_saved(path / "verdict.json" if path.is_dir() else path, arguments.effect)
+    found = explain_saved(path / "verdict.json" if path.is_dir() else path, arguments.effect)
     terminal.close()
-    say([said])
+    if arguments.json:
+        say_json(found)
+    else:
+        say([found["explanation"]])

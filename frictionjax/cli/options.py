@@ -7,6 +7,8 @@ from typing import Any, NoReturn
 from frictionjax import __version__
 from frictionjax.cli.arm_options import ARM, arm_options
 from frictionjax.cli.case_options import case_options
+from frictionjax.cli.common_options import count, inputs_option, json_option
+from frictionjax.cli.study_options import STUDY, study_options
 
 _DESCRIPTION = (
     "Friction identification: where a machine differs from its model, which physics is missing, "
@@ -42,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     _fit(commands)
     _frf(commands)
     _simulate(commands)
-    _study(commands)
+    study_options(_command(commands, *STUDY))
     _effects(commands)
     _explain(commands)
     _demo(commands)
@@ -71,7 +73,7 @@ def _diagnose(commands: Any) -> None:
         "frictionjax diagnose case.toml --out result --check 20",
         'frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle --unit t=ms x=deg --out result',
     )
-    _inputs(command)
+    inputs_option(command)
     command.add_argument(
         "--out", required=True, type=Path, metavar="DIR", help="where verdict.json, report.html and fit/ go"
     )
@@ -94,11 +96,11 @@ def _diagnose(commands: Any) -> None:
     )
     command.add_argument(
         "--check",
-        type=_count,
+        type=count,
         metavar="N",
         help="also diagnose N simulated machines like this one: how often the name is right; goes on where it stopped",
     )
-    _json(command, "verdict.json")
+    json_option(command, "verdict.json")
     case_options(command)
 
 
@@ -112,7 +114,7 @@ def _check(commands: Any) -> None:
         "frictionjax check run1.csv run2.csv",
         "frictionjax check case.toml --picture case.png",
     )
-    _inputs(command)
+    inputs_option(command)
     command.add_argument(
         "--picture",
         type=Path,
@@ -120,7 +122,7 @@ def _check(commands: Any) -> None:
         metavar="FILE",
         help="where the recordings are drawn, as PNG (default: %(default)s)",
     )
-    _json(command, "what is printed")
+    json_option(command, "what is printed")
     case_options(command)
 
 
@@ -144,6 +146,7 @@ def _case(commands: Any) -> None:
     new.add_argument(
         "--out", type=Path, metavar="FILE", help="write it there, unless it exists, and not to stdout"
     )
+    json_option(new, "its keys")
     case_options(new)
 
 
@@ -156,7 +159,7 @@ def _fit(commands: Any) -> None:
         "frictionjax fit run1.csv run2.csv --holdout run3.csv --motor-constant 16 --out fit.json",
         "frictionjax fit case.toml --effect return_spring constant_load",
     )
-    _inputs(command)
+    inputs_option(command)
     command.add_argument(
         "--effect",
         nargs="+",
@@ -166,7 +169,7 @@ def _fit(commands: Any) -> None:
         help="effects to fit beside the base model",
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="also write the result there, as JSON")
-    _json(command, "the fit")
+    json_option(command, "the fit")
     case_options(command)
 
 
@@ -178,7 +181,7 @@ def _frf(commands: Any) -> None:
         "Estimate the frequency response from input to position, and fit inertia, stiffness and damping to it.",
         "frictionjax frf noise.csv --band 2 150 --motor-constant 16",
     )
-    _inputs(command)
+    inputs_option(command)
     command.add_argument(
         "--recording", metavar="NAME", help="which recording of the case (default: the first)"
     )
@@ -195,7 +198,7 @@ def _frf(commands: Any) -> None:
     command.add_argument(
         "--out", type=Path, metavar="FILE", help="write frequency, response and coherence there, CSV"
     )
-    _json(command, "the fitted system")
+    json_option(command, "the fitted system")
     case_options(command)
 
 
@@ -208,7 +211,7 @@ def _simulate(commands: Any) -> None:
         "frictionjax simulate fit.json run3.csv --out simulated.csv",
     )
     command.add_argument("model", metavar="FIT", help="a fit, as `frictionjax fit --out` writes it")
-    _inputs(command)
+    inputs_option(command)
     command.add_argument(
         "--recording", metavar="NAME", help="which recording of the case (default: the first)"
     )
@@ -219,50 +222,8 @@ def _simulate(commands: Any) -> None:
         metavar="FILE",
         help="where t, u, measured and simulated x go, CSV",
     )
+    json_option(command, "the error of the simulation")
     case_options(command)
-
-
-def _study(commands: Any) -> None:
-    command = _command(
-        commands,
-        "study",
-        "run a Monte Carlo study or a sweep of simulated machines",
-        "Compute every case of a design file, and write the results as a Zarr store. A run that was stopped goes on "
-        "with --resume: nothing is computed twice.",
-        "frictionjax study --example > design.toml",
-        "frictionjax study design.toml --out study.zarr --workers 2",
-        "frictionjax study design.toml --out study.zarr --dask tcp://host:8786 --resume",
-        "frictionjax study calibrate --draws 1000 --out calibration.zarr --workers 2",
-    )
-    command.add_argument(
-        "design", nargs="?", metavar="DESIGN", help="the design file, design.toml, or the word calibrate"
-    )
-    command.add_argument("--out", type=Path, metavar="STORE", help="the folder that becomes the store")
-    command.add_argument(
-        "--draws", type=_count, metavar="N", help="of study calibrate: machines that are drawn and diagnosed"
-    )
-    command.add_argument("--example", action="store_true", help="print a design file with every key")
-    command.add_argument("--resume", action="store_true", help="go on where an earlier run was stopped")
-    command.add_argument(
-        "--workers", type=_count, metavar="N", help="processes on this machine (default: one)"
-    )
-    command.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler whose workers compute")
-    command.add_argument(
-        "--chunk",
-        type=_count,
-        metavar="N",
-        help="cases that a worker is given at a time (default: as many as take five seconds)",
-    )
-
-
-def _count(text: str) -> int:
-    try:
-        found = int(text)
-    except ValueError:
-        found = 0
-    if found < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
-    return found
 
 
 def _effects(commands: Any) -> None:
@@ -275,7 +236,7 @@ def _effects(commands: Any) -> None:
         "frictionjax effects creep",
     )
     command.add_argument("name", nargs="?", metavar="NAME", help="the effect to describe")
-    _json(command, "the same")
+    json_option(command, "the same")
 
 
 def _explain(commands: Any) -> None:
@@ -288,6 +249,7 @@ def _explain(commands: Any) -> None:
     )
     command.add_argument("verdict", metavar="VERDICT", help="verdict.json, or the folder that holds it")
     command.add_argument("effect", metavar="EFFECT", help="the name of an effect")
+    json_option(command, "the same")
 
 
 def _demo(commands: Any) -> None:
@@ -309,6 +271,7 @@ def _demo(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, metavar="N", help="seed of the machine's parameters and of all noise"
     )
+    json_option(command, "the true model and verdict.json")
 
 
 def _paper(commands: Any) -> None:
@@ -341,6 +304,7 @@ def _paper(commands: Any) -> None:
     command.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of all noise (default: %(default)s)"
     )
+    json_option(command, "tables.json")
 
 
 def _warm(commands: Any) -> None:
@@ -367,7 +331,7 @@ def _warm(commands: Any) -> None:
         metavar="SAMPLES",
         help="samples of the longest recording to come (default: %(default)s)",
     )
-    _json(command, "what was kept")
+    json_option(command, "what was kept")
 
 
 def _completion(commands: Any) -> None:
@@ -380,15 +344,3 @@ def _completion(commands: Any) -> None:
         "frictionjax completion zsh > ~/.zfunc/_frictionjax",
     )
     command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
-
-
-def _inputs(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "inputs", nargs="+", metavar="FILE", help="one case file (.toml), or the recordings to fit"
-    )
-
-
-def _json(command: argparse.ArgumentParser, what: str) -> None:
-    command.add_argument(
-        "--json", action="store_true", help=f"print {what} as JSON on stdout, and nothing else"
-    )

@@ -1,12 +1,14 @@
 """The command that runs a study: `study`."""
 
+import json
 import time
+import tomllib
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frictionjax.cli.study_file import EXAMPLE, study_of
-from frictionjax.cli.terminal import Terminal, say
+from frictionjax.cli.terminal import Terminal, say, say_json
 
 if TYPE_CHECKING:
     import argparse
@@ -25,7 +27,10 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
 
     if arguments.example:
         terminal.close()
-        say(EXAMPLE.splitlines())
+        if arguments.json:
+            say_json(tomllib.loads(EXAMPLE))
+        else:
+            say(EXAMPLE.splitlines())
         return
     if arguments.design == CALIBRATE:
         _calibrate(arguments, terminal)
@@ -39,22 +44,23 @@ def study(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         )
     found = _results(study_of(Path(arguments.design)), arguments, terminal)
     terminal.close()
-    failed = int(found["failed"].sum())
-    sizes = ", ".join(f"{name} {size}" for name, size in found["failed"].sizes.items())
-    say(
-        [
-            f"{found['failed'].size:,} cases ({sizes}), {failed:,} of them failed.",
-            f"Results: {', '.join(sorted(map(str, found.data_vars)))}.",
-            "",
-            f"Written: {arguments.out}",
-        ]
-    )
+    cases, failed = found["failed"].size, int(found["failed"].sum())
+    sizes = {str(name): size for name, size in found["failed"].sizes.items()}
+    results = sorted(map(str, found.data_vars))
+    if arguments.json:
+        content = {"cases": cases, "failed": failed, "sizes": sizes, "results": results}
+        say_json(content | {"written": [str(arguments.out)]})
+        return
+    shape = ", ".join(f"{name} {size}" for name, size in sizes.items())
+    say([f"{cases:,} cases ({shape}), {failed:,} of them failed.", f"Results: {', '.join(results)}."])
+    say(["", f"Written: {arguments.out}"])
 
 
 def _calibrate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax study calibrate`: the store, and beside it the summary as JSON and the figure as PNG."""
     from frictionjax.core import InputError
     from frictionjax.report import save_calibration
+    from frictionjax.report.calibration_files import calibration_json
     from frictionjax.studies import calibration_of, calibration_study
 
     if arguments.draws is None or arguments.out is None:
@@ -65,6 +71,9 @@ def _calibrate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     found = calibration_of(_results(calibration_study(arguments.draws), arguments, terminal))
     files = save_calibration(found, arguments.out)
     terminal.close()
+    if arguments.json:
+        say_json(json.loads(calibration_json(found)))
+        return
     say([*repr(found).splitlines(), "", f"Written: {', '.join(map(str, (arguments.out, *files)))}"])
 
 

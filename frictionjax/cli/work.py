@@ -28,15 +28,15 @@ def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         if arguments.check is not None:
             _require_stores()
         case, asked = case_of(arguments), (arguments.known, arguments.without)
+        diagnosis, saved, lost = _diagnosed(
+            case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check
+        )
         if arguments.json:
-            diagnosis, _, lost = _diagnosed(
-                case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check
-            )
             say_json(verdict_json(diagnosis))
-            if lost is not None:
-                raise lost
         else:
-            _finish(case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check)
+            _say_result(diagnosis, saved)
+        if lost is not None:
+            raise lost
 
 
 def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
@@ -44,21 +44,29 @@ def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.demo import write_demo_case
     from frictionjax.recordings import load_case
     from frictionjax.report import reserved, truth_lines
+    from frictionjax.report.save import verdict_json
 
     seed = {} if arguments.seed is None else {"seed": arguments.seed}
     part = 0.1  # writing the case takes about a tenth of the time
     with reserved(arguments.out):
         file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
-        diagnosis = _finish(load_case(file), arguments.out, terminal, start=part)
-    truth = file.parent / "sealed" / "truth.json"
-    say(["", f"True model ({truth}), not used by the diagnosis:"])
-    say(truth_lines(json.loads(truth.read_text(encoding="utf-8")), diagnosis))
+        diagnosis, saved, lost = _diagnosed(load_case(file), arguments.out, terminal, start=part)
+        sealed = file.parent / "sealed" / "truth.json"
+        truth = json.loads(sealed.read_text(encoding="utf-8"))
+        if arguments.json:
+            say_json({"truth": truth, "diagnosis": verdict_json(diagnosis)})
+        else:
+            _say_result(diagnosis, saved)
+        if lost is not None:
+            raise lost
+    if not arguments.json:
+        say(["", f"True model ({sealed}), not used by the diagnosis:", *truth_lines(truth, diagnosis)])
 
 
 def paper(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     """`frictionjax paper`."""
     from frictionjax.paper.experiments import explain, motor_bench, reproduce
-    from frictionjax.paper.figures import paper_lines, write_paper
+    from frictionjax.paper.figures import paper_lines, tables, write_paper
     from frictionjax.report.save import check_writable
 
     check_writable(arguments.out)
@@ -71,6 +79,9 @@ def paper(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         found, arguments.out, explained=explained, bench=bench, progress=terminal.part(0.95, 1.0)
     )
     terminal.close()
+    if arguments.json:
+        say_json(tables(found, explained, bench))
+        return
     say(paper_lines(found, explained, bench))
     say(["", "Written:", *(f"  {file}" for file in files)])
 
@@ -100,25 +111,13 @@ def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     )
 
 
-def _finish(
-    case: "Case",
-    out: Path,
-    terminal: Terminal,
-    *,
-    start: float,
-    asked: _Asked = ((), ()),
-    machines: int | None = None,
-) -> "Diagnosis":
-    """Diagnose, save and print the summary: the last part of both commands."""
+def _say_result(diagnosis: "Diagnosis", saved: Path) -> None:
+    """Print the summary of a diagnosis, and the files that were `saved`."""
     from frictionjax.report import summary_lines
 
-    diagnosis, saved, lost = _diagnosed(case, out, terminal, start=start, asked=asked, machines=machines)
     say(summary_lines(diagnosis))
     files = [saved / name for name in ("report.html", "verdict.json", "fit")]
     say(["", "Written:", *(f"  {file}" for file in files if file.exists())])
-    if lost is not None:
-        raise lost
-    return diagnosis
 
 
 def _diagnosed(

@@ -145,8 +145,11 @@ class _Searched(NamedTuple):
     missing: tuple[MissingEffect, ...]
 
 
-def explain_saved(path: Path, effect: str) -> str:
-    """Why an `effect` was named or not, as `Diagnosis.explain` says it, from the verdict.json at `path` alone.
+def explain_saved(path: Path, effect: str) -> dict[str, Any]:
+    """Why an `effect` was named or not, from the verdict.json at `path` alone.
+
+    **Returns:** plain JSON: `effect`; `named`, whether it was; `explanation`, as `Diagnosis.explain` says it; and
+    `candidate`, its entry in verdict.json.
 
     **Raises:** `InputError` as `load_diagnosis` does, and for a name that is not among its candidates.
     """
@@ -157,7 +160,10 @@ def explain_saved(path: Path, effect: str) -> str:
         )
     except (TypeError, KeyError, ValueError) as error:
         raise _other_fields(error, path) from error
-    return explain_effect(searched, effect)
+    explanation = explain_effect(searched, effect)
+    candidate = next(one.content for one in root.listed("candidates") if one.content["effect"] == effect)
+    named = any(found.effect == effect for found in searched.missing)
+    return {"effect": effect, "named": named, "explanation": explanation, "candidate": dict(candidate)}
 
 
 def _candidates(root: Table) -> tuple[Candidate, ...]:

@@ -262,6 +262,8 @@ def test_the_program_diagnoses_when_asked(paper, tmp_path, capsys, monkeypatch):
     assert found["truth"] == "creep"
     assert found["named"] == [missing.effect for missing in diagnosis.missing]
     assert found["right"] is (found["named"][0] == "creep")
+    assert main(["paper", "--quick", "--diagnose", "--out", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["diagnoses"]["creep"] == found
 
 
 def test_an_output_that_is_a_file_is_found_before_the_work(tmp_path, capsys, monkeypatch):

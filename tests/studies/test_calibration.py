@@ -228,7 +228,8 @@ def test_the_command_writes_a_store_a_summary_and_a_figure(calibrated, tmp_path,
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
     assert main(["study", "calibrate", "--draws", "30", "--out", "c.zarr"]) == 2
     assert "there are results of an earlier run" in capsys.readouterr().err
-    assert main(["study", "calibrate", "--draws", "30", "--out", "c.zarr", "--resume"]) == 0
+    assert main(["study", "calibrate", "--draws", "30", "--out", "c.zarr", "--resume", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == summary
 
 
 @pytest.mark.parametrize(
