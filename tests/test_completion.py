@@ -29,6 +29,10 @@ def test_bash_completes(capsys, tmp_path):
         ("frictionjax diagnose ru", "run.csv"),
         ("frictionjax effects cre", "creep"),
         ("frictionjax fit run.csv --effect rip", "ripple"),
+        ("frictionjax diagnose run.csv --with grav", "gravity_pendulum"),
+        ("frictionjax diagnose run.csv --without creep mai", "mains_pickup"),
+        ("frictionjax explain verdict.json cre", "creep"),
+        ("frictionjax warm --effect del", "delay"),
         ("frictionjax diagnose --loop c", "closed"),
     ):
         run = subprocess.run(

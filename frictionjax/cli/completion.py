@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
 _FILES = ("FILE", "RECORDING", "FIT", "VERDICT")
 _FOLDERS = ("DIR",)
-_EFFECTS = ("NAME", "EFFECT")
-_COMMANDS_WITH_EFFECTS = ("fit", "effects", "explain")
+_EFFECT = "EFFECT"
+_NAMES_OF_EFFECTS = ("fit", "effects")
+"""Commands in which a NAME is that of an effect; elsewhere it is one of a recording or a joint."""
 
 
 def completion(arguments: argparse.Namespace, terminal: Terminal) -> None:
@@ -30,7 +31,7 @@ def completion(arguments: argparse.Namespace, terminal: Terminal) -> None:
         for action in command._actions:
             if action.choices:
                 continue
-            if name in _COMMANDS_WITH_EFFECTS and action.metavar in _EFFECTS and action.dest != "recording":
+            if action.metavar == _EFFECT or (name in _NAMES_OF_EFFECTS and action.metavar == "NAME"):
                 action.choices = effects
             elif action.metavar in _FILES:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
