@@ -101,7 +101,13 @@ BAD = {
     "column of a wrong type": (recording("columns = {x = 3.5}"), ["key `columns.x`", "text is needed"]),
     "column not in the file": (
         recording('columns = {x = "X"}'),
-        ["run.csv", "columns.x", "no column `X`", "Did you mean `x`?", "the file has: t, u, x"],
+        [
+            "run.csv",
+            "columns.x",
+            "no column `X`",
+            "Did you mean `x`?",
+            'columns = {t = "t", u = "u", x = "x"}',
+        ],
     ),
     "one column for two roles": (
         recording('columns = {u = "x"}'),
@@ -113,7 +119,7 @@ BAD = {
     ),
     "imposed motion without force": (
         recording('drive = "motion"'),
-        ["run.csv", "force", "the file has: t, u, x"],
+        ["run.csv", "force", 'columns = {t = "t", x = "x", force = "u"}'],
     ),
     "scale of an unknown column": (recording("scale = {y = 2.0}"), ["key `scale.y`", "unknown key"]),
     "scale of an absent column": (recording("scale = {v = 2.0}"), ["key `scale.v`", "no column", "t, u, x"]),

@@ -10,13 +10,14 @@ from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.audit import audit
 from frictionjax.recordings.columns import Columns, read_columns
 from frictionjax.recordings.jumps import standing, unwrapped
+from frictionjax.recordings.proposal import proposal
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
 from frictionjax.recordings.sampling import Grid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
 from frictionjax.recordings.simulated import SIMULATED, no_simulation, on_the_turn_of
 from frictionjax.recordings.target import said_of_target
-from frictionjax.recordings.words import listed, shown
+from frictionjax.recordings.words import shown
 
 MIN_SAMPLES = 100
 _OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
@@ -159,9 +160,8 @@ def _time(
             "the file has no time column `t`, and no sample_rate is given",
             file=file,
             place=entry.spot.at(),
-            cure="Add sample_rate = 2000.0 (samples per second), or say which column is time: "
-            f'columns = {{t = "..."}}. On the command line: --sample-rate 2000 or --columns t=...; the file has: '
-            f"{listed(table.names)}",
+            cure="Add sample_rate = 2000.0 (--sample-rate 2000), samples per second, or say which column is the time, "
+            f"such as: {proposal(entry, table)}",
         )
     return np.arange(columns["x"].size) / entry.sample_rate, 1.0 / entry.sample_rate
 

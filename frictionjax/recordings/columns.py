@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from frictionjax.core import InputError
 from frictionjax.recordings.clock import contradicts, on_one_clock, seconds
+from frictionjax.recordings.proposal import proposal, suits
 from frictionjax.recordings.readers import AbstractTable
 from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.schema import ROLES, Entry
@@ -69,7 +70,7 @@ def find_columns(entry: Entry, table: AbstractTable) -> Columns:
         free = tuple(name for name in table.names if name not in names.values())
         must = role in needed or (role == "t" and entry.sample_rate is None)
         like = columns_like(role, entry.drive, free, guess=must or role == SIMULATED)
-        like = [name for name in like if _may_be(role, name, table)]
+        like = [name for name in like if suits(role, name, table)]
         if len(like) == 1:
             names[role] = like[0]
             if split_unit(like[0])[0] != role:
@@ -188,16 +189,6 @@ def _named(role: str, entry: Entry, table: AbstractTable) -> str:
     return like[0]
 
 
-def _may_be(role: str, name: str, table: AbstractTable) -> bool:
-    """Whether a column is of numbers, in a unit that suits the role."""
-    unit = table.unit(name) or split_unit(name)[1]
-    known = parse_unit(unit)
-    suits = role not in MEASURED_IN or (
-        known.powers in MEASURED_IN[role] if known else role != "t" or not unit
-    )
-    return suits and table.has(name)
-
-
 def _units(names: dict[str, str], entry: Entry, table: AbstractTable) -> dict[str, str]:
     """Role -> unit, as the case, the file or the header says."""
     units = {}
@@ -303,7 +294,7 @@ def _ambiguous(role: str, like: list[str], entry: Entry, table: AbstractTable) -
         f"there is no column `{role}`, and {len(like)} columns could be it: {listed(like)}",
         file=shown(table.path, 200),
         place=entry.spot.at(),
-        cure=_say_which(role, like[0]),
+        cure=f"Say which column is which, such as: {proposal(entry, table)}",
     )
 
 
@@ -311,7 +302,7 @@ def _no_column(role: str, name: str, entry: Entry, table: AbstractTable) -> Inpu
     """The error for a column that is not there."""
     near = nearest(name, table.names)
     hint = f"Did you mean `{shown(near)}`? " if near and near != name else ""
-    say = f"{_say_which(role)}; the file has: {listed(table.names)}"
+    say = f"Say which column is which, such as: {proposal(entry, table)}"
     if role == "force" and "force" not in entry.columns:
         hint = f'A recording with drive = "motion" needs the measured force. {hint}'
     return InputError(
@@ -320,8 +311,3 @@ def _no_column(role: str, name: str, entry: Entry, table: AbstractTable) -> Inpu
         place=entry.spot.at(f"columns.{role}") if role in entry.columns else entry.spot.at(),
         cure=hint + say,
     )
-
-
-def _say_which(role: str, name: str = "...") -> str:
-    """How to say which column has a role, in a case file and on the command line."""
-    return f'Say which column it is: columns = {{{role} = "{shown(name, 40)}"}} (--columns {role}="{shown(name, 40)}")'

@@ -95,11 +95,16 @@ BAD = {
     ),
     "no time column": (
         rows(dropped_t),
-        ["run.csv", "no time column", "Add sample_rate = 2000.0", "the file has: u, x"],
+        [
+            "run.csv",
+            "no time column",
+            "Add sample_rate = 2000.0",
+            'columns = {t = "FILL_IN", u = "u", x = "x"}',
+        ],
     ),
     "no column x": (
         spoiled(1, "x", "thing"),
-        ["run.csv", "no column `x`", 'columns = {x = "..."}', '--columns x="..."', "t, u, thing"],
+        ["run.csv", "no column `x`", 'columns = {t = "t", u = "u", x = "thing"}'],
     ),
     "no header": (
         rows(lambda rows: [row + ",0" for row in rows[1:]]),
@@ -135,7 +140,7 @@ BAD = {
     "time of another length": (mat(t=np.arange(150.0)), ["run.mat", "`t` (t) has 150", "has 200"]),
     "no variable": (
         mat('columns = {x = "theta"}'),
-        ["run.mat", "no variable `theta`", "the file has: t, u, x"],
+        ["run.mat", "no variable `theta`", 'columns = {t = "t", u = "u", x = "x"}'],
     ),
     "cell array": (mat(x=cell()), ["run.mat", "`x` is a cell array", "cell2mat"]),
     "complex numbers": (mat(x=np.full(N, 1j)), ["run.mat", "`x` holds text or complex numbers"]),

@@ -89,7 +89,10 @@ def test_counts_are_kept_and_a_case_that_wants_more_is_warned(tmp_path):
 
 def test_two_columns_that_could_be_meant_are_listed(tmp_path):
     file = write(tmp_path, "t,Current,Voltage,x", (T, U, U, X))
-    with pytest.raises(InputError, match=r"could be it: Current, Voltage\. .*--columns u=\"Current\""):
+    with pytest.raises(
+        InputError,
+        match=r"could be it: Current, Voltage\. .*t=t u=Current x=x; other columns: Voltage",
+    ):
         load(file)
     assert load(file, columns={"u": "Voltage"})[1] == []
 
