@@ -84,6 +84,11 @@ class ArmDiagnosis(AbstractDisplayed):
         `frictionjax.save_arm_diagnosis`."""
         return public_verb("save_arm_diagnosis")(self, directory)
 
+    def plot(self, **how: Any) -> Any:
+        """Draw for each joint the torque, what the rigid bodies leave of it, and the held-out errors of its friction:
+        `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
     def to_dataframe(self, what: Literal["joints", "parameters"] = "joints") -> Any:
         """A pandas DataFrame.
 

@@ -79,12 +79,13 @@ class Bootstrap(AbstractDisplayed):
     """Refits of data drawn from a fitted model.
 
     **Attributes:** `names` of the p parameters; `values` of the d refits in physical units, shape `(d, p)`; `estimate`
-    that the data were drawn from, shape `(p,)`.
+    that the data were drawn from, shape `(p,)`; `units` of the parameters, as text (empty where they are not known).
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
     values: Float[np.ndarray, "d p"]
     estimate: Float[np.ndarray, " p"]
+    units: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def stderr(self) -> dict[str, float]:
@@ -114,11 +115,20 @@ class Bootstrap(AbstractDisplayed):
             for name, value in zip(self.names, self.estimate, strict=True)
         )
         head = ("parameter", "estimate", "standard deviation", "bias")
+        if self.units:
+            shown = ("" if unit == "1" else unit for unit in self.units)
+            head, rows = (*head, "unit"), tuple((*row, unit) for row, unit in zip(rows, shown, strict=True))
         return Display(f"Bootstrap of {self.values.shape[0]} refits", (), (Grid(head, rows),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw the refits of each parameter as a histogram, with the estimate and the basic 95 % interval:
+        `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a column for each parameter and a row for each refit."""
-        return to_dataframe({name: self.values[:, k] for k, name in enumerate(self.names)})
+        units = dict(zip(self.names, self.units, strict=True)) if self.units else {}
+        return to_dataframe({name: self.values[:, k] for k, name in enumerate(self.names)}, units)
 
 
 def _needs(result: FitResult, verb: str) -> tuple[Posterior, Float[Numbers, " q"]]:
@@ -267,5 +277,6 @@ def bootstrap(
             some = np.asarray(_redrawn(posterior, vector, unit, keys[taken]))
             found.append(some[: min(piece, draws - first)])
             report("bootstrap", min(first + piece, draws) / draws)
-    estimate = np.array([result.parameters[name].value for name in result.names])
-    return Bootstrap(result.names, np.concatenate(found), estimate)
+    own = [result.parameters[name] for name in result.names]
+    estimate, units = np.array([one.value for one in own]), tuple(one.unit for one in own)
+    return Bootstrap(result.names, np.concatenate(found), estimate, units)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, one_line, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
+from frictionjax.core.front_door import public_verb
 from frictionjax.recordings.units import turn_of
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
@@ -136,6 +137,10 @@ class Recording(AbstractDisplayed):
             arrays, {"t": self.t}, {"t": "s", **units}, name=self.name, sample_rate=self.sample_rate
         )
 
+    def plot(self, **how: Any) -> Any:
+        """Draw every channel over time: `frictionjax.plot`, with `how` as there."""
+        return public_verb("plot")(self, **how)
+
     def _units(self) -> dict[str, str]:
         plant = self.plant or Plant()
         units = {"u": plant.input_unit, "x": plant.position_unit, "v": f"{plant.position_unit}/s"}
@@ -225,6 +230,11 @@ class Case(AbstractDisplayed):
         )
         head = ("recording", "role", "sample rate", "length", "experiment", "warnings")
         return Display(f"Case {self.name}", (repr(self.plant),), (Grid(head, rows),))
+
+    def plot(self, **how: Any) -> Any:
+        """Draw position and input (or measured force) of each recording over time: `frictionjax.plot`, with `how` as
+        there."""
+        return public_verb("plot")(self, **how)
 
     @property
     def fit_recordings(self) -> tuple[Recording, ...]:

@@ -42,14 +42,6 @@ def drawing() -> Iterator[None]:
         yield
 
 
-@contextmanager
-def plain_text() -> Iterator[None]:
-    """Draw all text as it is. Units and names are text of the user: a dollar sign is one, and no formula begins there.
-    Powers of ten on logarithmic axes are formulas, and need another way."""
-    with style.context({"text.parse_math": False}):
-        yield
-
-
 def line(
     axes: Axes,
     t: Float[np.ndarray, " n"],

@@ -5,6 +5,7 @@ import importlib
 import json
 from html.parser import HTMLParser
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
@@ -43,6 +44,24 @@ def found():
     assert [stage for stage, _ in stages] == ["rigid bodies", *(f"{joint}: pretending" for joint in JOINTS)]
     assert [part for _, part in stages] == sorted(part for _, part in stages)
     return result
+
+
+def test_the_joints_are_drawn_side_by_side(found):
+    torque, error = found.plot()
+    plt.close("all")
+    rows = found.table()
+    drawn = np.array([bar.get_width() for bar in torque.patches]).reshape(3, len(rows))
+    for key, widths in zip(("torque", "left_as_given", "left_holdout"), drawn, strict=True):
+        np.testing.assert_allclose(widths, [row[key] for row in rows])
+    assert torque.get_xlabel() == "torque, rms (N·m)" and error.get_xscale() == "log"
+    assert error.get_xlabel() == "force error 0.1 s ahead, held-out logs, rms (N·m)"
+    said = [text.get_text() for text in error.get_yticklabels()]
+    assert said[1] == "lift: maxwell slip" and said[4] == "roll: not diagnosed"
+    base, extended = np.array([bar.get_width() for bar in error.patches]).reshape(2, len(rows))
+    assert base[1] == rows[1]["error_base"] > extended[1] == rows[1]["error_extended"]
+    assert np.isnan(np.delete(extended, 1)).all()  # without a named effect there is no extended model
+    low = error.get_xlim()[0]
+    assert low < np.nanmin([base, extended])
 
 
 def test_one_table_over_the_joints(found):

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
+from matplotlib.figure import Figure
 
 import frictionjax as fj
 from frictionjax.frequency.sanathanan_koerner import SKResult
@@ -40,6 +41,16 @@ FIT = fj.FitResult(
     NAMES, np.diag(SPREAD**2), np.diag(SPREAD**2), {}, 0.0, True, "The fit converged.", (),
 )  # fmt: skip
 PROFILE = fj.Profile("Fs", 1.5, 0.1, np.array([1.3, 1.7, 1.4]), np.array([4.0, 4.4, 1.0]), "N")
+REFITS = np.random.default_rng(3).normal(size=(200, 2)) * [0.01, 1e-5] + [1.0, 1e-3]
+BOOTSTRAP = fj.Bootstrap(("Fc", "vs"), REFITS, np.array([1.01, 1e-3]), ("N", "m/s"))
+RECORDING = fj.Recording(
+    "run_$1", 100.0, 0.02 * np.sin(T), 2e-2 * T, v=np.full(50, 2e-2), reference=2.1e-2 * T, simulated=1.9e-2 * T,
+    temperature=20.0 + T, supply=np.full(50, 24.0), normal_force=np.full(50, 3.0),
+)  # fmt: skip
+IMPOSED = fj.Recording(
+    "imposed", 100.0, np.zeros(50), 2e-2 * T, drive="motion", role="holdout", force=3.0 * np.sin(T)
+)
+CASE = fj.Case("bench", fj.Plant(16.0, "m", "N", "V"), [RECORDING, IMPOSED])
 LEVELS = np.array([0.1, 0.3])
 SWEEP = LevelSweep(
     LEVELS,
@@ -89,6 +100,9 @@ RESULTS = {
     "second order": lambda: SK,
     "fit": lambda: FIT,
     "profile": lambda: PROFILE,
+    "bootstrap": lambda: BOOTSTRAP,
+    "recording": lambda: RECORDING,
+    "case": lambda: CASE,
     "named": fake_diagnosis,
     "adequate": adequate_diagnosis,
     "sweep": lambda: SWEEP,
@@ -247,6 +261,55 @@ def test_a_profile_shows_the_estimate_and_its_interval():
     ends = sorted(line.get_xdata()[0] for line in panel.lines[3:])
     np.testing.assert_allclose(ends, PROFILE.interval())
     assert panel.get_xlabel() == "Fs (N)"
+
+
+def test_a_bootstrap_shows_its_refits_the_estimate_and_the_interval():
+    coulomb, stribeck = BOOTSTRAP.plot()
+    heights = sum(patch.get_height() for patch in coulomb.patches)
+    assert heights == 200
+    assert sorted(line.get_xdata()[0] for line in coulomb.lines[:3]) == pytest.approx(
+        sorted([1.01, *BOOTSTRAP.interval("Fc")])
+    )
+    assert coulomb.get_xlabel() == "Fc (N)" and stribeck.get_xlabel() == "vs (m/s)"
+    nameless = dataclasses.replace(BOOTSTRAP, units=())
+    assert [panel.get_xlabel() for panel in nameless.plot(units={"Fc": "mN"})] == ["Fc (mN)", "vs (vs units)"]
+    assert "unit" in repr(BOOTSTRAP) and "unit" not in repr(nameless)
+    with pytest.raises(fj.InputError, match="no refit of `Fc` is finite"):
+        dataclasses.replace(BOOTSTRAP, values=np.full((3, 2), np.nan)).plot()
+
+
+def test_a_recording_shows_every_channel_in_the_units_of_its_plant():
+    panels = RECORDING.plot(units=UNITS)
+    labels = [panel.get_ylabel() for panel in panels]
+    assert labels == [
+        *("position (mm)", "velocity (m/s)", "input (mV)"),
+        *("temperature (K or °C)", "normal force (unit of the file)", "supply (unit of the file)"),
+    ]
+    measured, reference, simulated = panels[0].lines
+    np.testing.assert_allclose(measured.get_ydata(), 20.0 * T)
+    np.testing.assert_allclose(reference.get_ydata(), 21.0 * T)
+    np.testing.assert_allclose(simulated.get_ydata(), 19.0 * T)
+    assert panels[0].get_title() == r"run_\$1, fitted"
+    assert "position units" in RECORDING.plot()[0].get_ylabel()
+    x, force = CASE.recordings[1].plot()  # no input where the motion is imposed
+    assert x.get_ylabel() == "position (mm)" and force.get_ylabel() == "force (N)"
+    pushed = dataclasses.replace(CASE.recordings[1], simulated=0.5 * np.sin(T))
+    np.testing.assert_allclose(pushed.plot()[1].lines[1].get_ydata(), 0.5 * np.sin(T))
+
+
+def test_a_case_shows_position_and_cause_of_each_recording():
+    panels = CASE.plot()
+    assert [panel.get_ylabel() for panel in panels] == [
+        *("position (mm)", "input (mV)", "position (mm)", "force (N)")
+    ]
+    assert [panel.get_title("left") for panel in panels[::2]] == [r"run_\$1, fitted", "imposed, held out"]
+    many = fj.Case("many", CASE.plant, [dataclasses.replace(IMPOSED, name=f"r{k}") for k in range(10)])
+    drawn = many.plot()
+    assert len(drawn) == 16 and drawn[0].figure.get_supxlabel() == "and 2 more recordings"
+    own = Figure().subplots(2, 2)
+    assert CASE.plot(axes=own) == tuple(own.ravel())
+    with pytest.raises(fj.InputError, match="the case has no recordings"):
+        fj.Case("none", CASE.plant, []).plot()
 
 
 @pytest.mark.parametrize("result", [DRIVE, 3, None])

@@ -9,7 +9,8 @@ import scipy
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from frictionjax.estimation import FitResult, Profile
+from frictionjax.core import InputError
+from frictionjax.estimation import Bootstrap, FitResult, Profile
 from frictionjax.report.canvas import BAND, EXTENDED, MEASURED
 from frictionjax.report.format import engineering
 from frictionjax.report.plots.sheet import (
@@ -20,6 +21,7 @@ from frictionjax.report.plots.sheet import (
     legend,
     new_axes,
     per_second,
+    rows_of,
     units_of,
 )
 from frictionjax.simulation import simulate_imposed
@@ -62,6 +64,33 @@ def draw_profile(profile: Profile, place: Place, units: Mapping[str, str] | None
     panel.set(xlabel=labelled(profile.name, profile.unit), ylabel="deviance (the line: 95 %)")
     panel.locator_params(axis="x", nbins=4)  # ticks of a narrow range have many digits
     legend(panel)
+    return panels
+
+
+def draw_bootstrap(found: Bootstrap, place: Place, units: Mapping[str, str] | None) -> dict[str, Axes]:
+    """Histogram of the refits of each parameter that was `found`, with the estimate and the basic 95 % interval;
+    `place` as in `new_axes`; `units`: of parameters by name, where the result has none.
+
+    **Raises:** `InputError` where no refit is finite.
+    """
+    panels = new_axes(rows_of(found.names), place)
+    known = {**(units or {}), **dict(zip(found.names, found.units, strict=False))}
+    for k, name in enumerate(found.names):
+        panel, values = panels[name], found.values[:, k]
+        values = values[np.isfinite(values)]
+        if not values.size:
+            raise InputError(
+                f"no refit of `{name}` is finite", place="`result`", cure="Draw from a fit that converged"
+            )
+        panel.hist(values, bins="sturges", color=COLOURS[0], alpha=0.75, label="refits")
+        panel.axvline(float(found.estimate[k]), color=MEASURED, linewidth=1.4, label="estimate")
+        for end in found.interval(name):
+            panel.axvline(end, color=COLOURS[1], linewidth=0.9, linestyle="dashed")
+        panel.plot([], [], color=COLOURS[1], linewidth=0.9, linestyle="dashed", label="95 % interval")
+        panel.set(xlabel=labelled(name, known.get(name, f"{name} units")), ylabel="refits (count)")
+        panel.locator_params(axis="x", nbins=4)  # ticks of a narrow range have many digits
+    # Above the axes: bars leave no corner free.
+    legend(panels[found.names[0]], loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     return panels
 
 
