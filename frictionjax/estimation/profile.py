@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Key
 from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
 from frictionjax.core.arrays import Numbers
 from frictionjax.core.display import AbstractDisplayed, Display, Grid
-from frictionjax.core.frames import to_dataframe
+from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS
@@ -73,6 +73,17 @@ class Profile(AbstractDisplayed):
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with the columns `values` and `deviance`."""
         return to_dataframe({"values": self.values, "deviance": self.deviance})
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset with `deviance` over the values of the parameter, by its name; the estimate and its
+        standard error are its attributes `value` and `stderr`."""
+        return to_xarray(
+            {"deviance": ((self.name,), self.deviance)},
+            {self.name: self.values},
+            {self.name: self.unit, "deviance": "1"},
+            value=self.value,
+            stderr=self.stderr,
+        )
 
 
 class Bootstrap(AbstractDisplayed):

@@ -263,6 +263,14 @@ def test_a_profile_shows_the_estimate_and_its_interval():
     assert panel.get_xlabel() == "Fs (N)"
 
 
+def test_a_profile_is_an_xarray_dataset_over_its_parameter():
+    pytest.importorskip("xarray")
+    found = PROFILE.to_xarray()
+    np.testing.assert_allclose(found["deviance"].sel(Fs=1.7), 4.4)
+    assert found["deviance"].dims == ("Fs",) and found["Fs"].attrs["units"] == "N"
+    assert found.attrs == {"value": 1.5, "stderr": 0.1}
+
+
 def test_a_bootstrap_shows_its_refits_the_estimate_and_the_interval():
     coulomb, stribeck = BOOTSTRAP.plot()
     heights = sum(patch.get_height() for patch in coulomb.patches)
