@@ -67,6 +67,12 @@ def times(factor: float) -> str:
     return f"{factor:.0f} times" if factor >= 9.95 else f"{factor:.1f} times"
 
 
+def remarked(text: str, remark: str) -> str:
+    """A `text` with a `remark` in brackets; where the text ends with brackets of its own, in these: "presliding (20 to
+    80 %; 38 % of the excess)"."""
+    return f"{text[:-1]}; {remark})" if text.endswith(")") else f"{text} ({remark})"
+
+
 def _scaled(size: float, unit: str) -> tuple[float, str]:
     if not 0.0 < size < _PREFIXED.get(unit, 0.0):
         return 1.0, unit

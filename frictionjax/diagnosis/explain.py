@@ -22,7 +22,7 @@ def explain_effect(diagnosis: Any, effect: str) -> str:
     elif any(found.effect == effect for found in diagnosis.missing):
         parts.append(f"{effect} is named: {_p(row.p_value)} under the model without it.")
     else:
-        parts.append(f"{effect} is not named: {row.reason} ({_p(row.p_value)} under the model without it).")
+        parts.append(f"{effect} is not named: {row.reason}; {_p(row.p_value)} under the model without it.")
     if np.isfinite(row.gain_fit):
         parts.append(
             f"A refit with it, all parameters free, removes {100 * row.gain_fit:.0f} % of the misfit on the fitted and "

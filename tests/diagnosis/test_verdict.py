@@ -199,8 +199,8 @@ def test_what_cannot_be_distinguished_is_reported_too():
     effect = _missing_effect(effect_class=("delay", "drive_lag"))
     found = summary_sentence("named", (effect,), NOTHING, "stick", (fake_recording(n=200),))
     assert (
-        "a pure delay between input and force (these recordings cannot distinguish it from drive_lag)"
-        in found
+        "a pure delay between input and force, which these recordings cannot distinguish from drive_lag."
+        in (found)
     )
 
 

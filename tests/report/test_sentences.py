@@ -3,19 +3,25 @@
 import math
 import re
 from dataclasses import replace
+from html import unescape
 
 import pytest
-from helpers_diagnosis import adequate_diagnosis, fake_diagnosis, fake_recording
+from helpers_diagnosis import adequate_diagnosis, fake_check, fake_diagnosis, fake_recording
 
 from frictionjax.core import Estimate
+from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.mismatch_map.axes import REGIMES
+from frictionjax.diagnosis.mismatch_map.where_words import where_words
 from frictionjax.diagnosis.recording_fit import Horizon, Unmeasured
-from frictionjax.diagnosis.verdict import Candidate, Ceiling, MissingEffect, Unexplained
+from frictionjax.diagnosis.verdict import Candidate, Ceiling, MismatchBin, MissingEffect, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.headline import Headline, limiting
 from frictionjax.report.sections.horizons import Horizons
+from frictionjax.report.sections.missing import Missing
 from frictionjax.report.sections.record import Record
 from frictionjax.report.sentences import badge, improvement, next_step, remainder
+from frictionjax.report.terminal import summary_lines
 
 
 def _alone(**changes):
@@ -147,8 +153,6 @@ def test_every_parameter_has_a_meaning():
 
 
 def test_a_card_shows_what_the_parameters_mean():
-    from frictionjax.report.sections.missing import Missing
-
     sizes = {"sine": Estimate(0.03, 1e-3, "N*m"), "cosine": Estimate(0.04, 1e-3, "N*m")}
     ripple = MissingEffect(
         "ripple", ("ripple",), 0.9, 1e-9, sizes | {"period": Estimate(0.2, 1e-3, "rad")}, ""
@@ -182,3 +186,58 @@ def test_each_horizon_has_its_column_and_each_recording_its_own():
     assert "–" in cells[0][4] and "(3.00" in cells[0][4]  # a run that overflows
     assert cells[1][2:4] == [["–"], ["–"]] and "(1.00" in cells[1][4]  # shorter than twice 0.1 s
     assert cells[2][1:] == [["–"]] * 6
+
+
+def _brackets(text):
+    """Where a `text` has brackets inside others, or two in a row."""
+    return re.findall(r"\([^()]*\(.*|\)\s*\(.*", text)
+
+
+def _canned():
+    """Diagnoses of every effect, alone and as one of a class, with each regime as the place of the mismatch."""
+    found = fake_diagnosis(n=400)
+    (first,) = found.missing
+    fits, unexplained = found.recordings, Unexplained(True, 0.2, "slow sliding (Stribeck)", "velocity", 0.5)
+    ceiling = Ceiling(0.3, 0.1, 0.7, 0.6, 8.0, 0.025, 0.05, 0.02, "velocity", True)
+    within = replace(found.within[0], phrase="in stick (bristle bent below 20 %)")
+    for number, (name, forms) in enumerate(catalogue().items()):
+        label = REGIMES[number % len(REGIMES)]
+        others = [one for one in REGIMES if one != label]
+        bins = (
+            MismatchBin("regime", label, 0.7, 120.0, 80.0, 100, 1e-6),
+            *(MismatchBin("regime", one, 0.075, 1.1, 1.0, 100, 0.5) for one in others),
+        )
+        where = where_words(bins, (), (within,))
+        assert label.rstrip(")") in where
+        for members, verdict in (((name,), "named"), ((name, "creep"), "unknown")):
+            one = replace(
+                first, effect=name, effect_class=members, sentence=forms[0].about.sentence, where=where
+            )
+            said = summary_sentence(
+                verdict, (one, replace(one, effect="delay")), unexplained, where, fits, Unmeasured(1e-3, 0.1, 0.1),
+                "N*m", ceiling, position_unit="rad",
+            )  # fmt: skip
+            changed = replace(
+                found.candidates[0], effect=name, reason="explains too little (16 % on the fit)"
+            )
+            yield replace(
+                found, verdict=verdict, summary=said, missing=(one,), unexplained=unexplained, ceiling=ceiling,
+                check=fake_check(), candidates=(changed, replace(changed, effect="other")),
+            )  # fmt: skip
+    yield from (found, adequate_diagnosis())
+
+
+def test_no_sentence_has_brackets_in_a_row_or_inside_each_other():
+    for found in _canned():
+        title, *_ = repr(found).split("\n")
+        said = [found.summary, title, *found._display().sentences, improvement(found), next_step(found)]
+        said += [remainder(found), badge(found), *summary_lines(found)]
+        said += [found.explain(one.effect) for one in found.candidates]
+        page = re.sub(r"<[^>]+>", " ", str(Headline().body(found)) + str(Missing().body(found)))
+        said += [line for line in page.split("\n") if "code" not in line]
+        assert [wrong for sentence in said for wrong in _brackets(unescape(sentence))] == []
+
+
+@pytest.mark.parametrize("text", ["a (b (c)) d", "presliding (20 to 80 %) (38 % of the excess)", "a (b)(c)"])
+def test_brackets_are_found_where_they_are(text):
+    assert _brackets(text) and not _brackets("a (b), c (d; e)")

@@ -100,7 +100,7 @@ def _named(effect: MissingEffect) -> str:
     others = [name for name in effect.effect_class if name != effect.effect]
     text = effect.sentence
     if others:
-        text += f" (these recordings cannot distinguish it from {', '.join(others)})"
+        text += f", which these recordings cannot distinguish from {' or '.join(others)}"
     return text
 
 

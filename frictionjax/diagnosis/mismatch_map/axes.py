@@ -90,6 +90,16 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
     return np.array(speeds)[:, None]
 
 
+REGIMES = (
+    "stick (bristle bent below 20 % of break-away)",
+    "presliding (20 to 80 %)",
+    "break-away (above 80 %)",
+    "slow sliding (Stribeck)",
+    "sliding",
+)
+"""Labels of the regimes, by how far the bristle is bent and how fast the machine moves."""
+
+
 def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[Axis, ...]:
     """The axes of a map, except frequency.
 
@@ -120,15 +130,8 @@ def _regime(motion: Motion, vs: float, slow: Float[np.ndarray, "r 1"], top: floa
     gross = speed > max(min(3.0 * vs, 0.3 * top), 0.0)
     moving = (speed > slow) & (motion.bend > 0.5)
     bent = np.digitize(motion.bend, (0.2, 0.8))
-    labels = (
-        "stick (bristle bent below 20 % of break-away)",
-        "presliding (20 to 80 %)",
-        "break-away (above 80 %)",
-        "slow sliding (Stribeck)",
-        "sliding",
-    )
     index = np.where(gross, 4, np.where(moving, 3, bent))
-    return Axis("regime", labels, tuple(f"in {label.split(' (')[0]}" for label in labels), index)
+    return Axis("regime", REGIMES, tuple(f"in {label.split(' (')[0]}" for label in REGIMES), index)
 
 
 def _direction(motion: Motion, slow: Float[np.ndarray, "r 1"]) -> Axis:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from frictionjax.core.quantities import times
+from frictionjax.core.quantities import remarked, times
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import MismatchBin, Within
 
@@ -55,8 +55,8 @@ def where_words(
 
     def named(b: MismatchBin) -> str:
         if gained:
-            return f"{b.bin} ({_share(b)} of what it explains)"
-        return f"{b.bin} ({_share(b)} of the excess, {times(b.excess)} the expected power)"
+            return remarked(b.bin, f"{_share(b)} of what it explains")
+        return remarked(b.bin, f"{_share(b)} of the excess, {times(b.excess)} the expected power")
 
     regimes, sharp = _regimes(bins, rule), _sharp(bins, unions, rule)
     if _everywhere(bins, rule):
@@ -68,7 +68,8 @@ def where_words(
     if sharp is not None:
         parts.append(named(sharp))
     parts += [
-        f"{'only' if part.only else 'mostly'} {part.phrase} ({100 * part.share:.0f} %)" for part in within
+        f"{'only' if part.only else 'mostly'} {remarked(part.phrase, f'{100 * part.share:.0f} %')}"
+        for part in within
     ]
     if regimes or sharp is not None:
         return ", ".join(parts)

@@ -108,7 +108,7 @@ def test_experiments_stay_below_or_go_beyond_break_away_as_their_names_say():
 def test_why_an_effect_was_or_was_not_named():
     found = fake_diagnosis()
     assert found.explain("maxwell_slip").startswith("maxwell_slip is named: p = 1e-12")
-    assert "is not named: less than the noise (p = 0.3" in found.explain("creep")
+    assert "is not named: less than the noise; p = 0.3 under" in found.explain("creep")
     assert "removes 1 % of the misfit on the fitted and -2 % on the held-out" in found.explain("creep")
     assert "cannot be tested with these recordings: needs a second encoder" in found.explain("backlash")
     with pytest.raises(
