@@ -1,4 +1,8 @@
-"""Gauss-Newton steps of small, badly scaled least-squares problems, thousands of them at once."""
+"""Gauss-Newton steps of small, badly scaled least-squares problems, thousands of them at once.
+
+A fixed number of steps near a minimum, each taken as it is: no step is judged, so that there is nothing of a fit's
+`Stepper` to share.
+"""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float

@@ -1,5 +1,5 @@
 """Weighted nonlinear least squares: step by step by NumPy, or, inside transformations, in a compiled loop of optimistix
-(this is the one file that knows it). Both take the same steps and end for the same reasons."""
+(this is the one file that knows it). Both ask the same `Stepper` for steps, acceptance, damping and end."""
 
 import functools
 from collections.abc import Callable
@@ -13,17 +13,23 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
-from frictionjax.estimation.descent.stepper import Ending, Stepper
+from frictionjax.estimation.descent.stepper import AbstractPlace, Course, Ending, Stepper, is_small_change
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
 
-_RELATIVE = 1e-3  # of coordinates and residuals: a smaller change is the last
 STRIDE = 5.0
 """Units are this many times the standard deviation of a coordinate alone: the first damping is then a twenty-fifth of
 the curvature."""
 # A fit damps in coordinates that are scaled once, and eases its damping only where the quadratic model holds: by the
 # rule of a diagnosis one from a bad start stopped two nats above its minimum.
 OF_A_FIT = Stepper(
-    damping=1.0, scaled=False, easing=3.5, raising=4.0, enough=0.01, good=0.99, longest=float("inf")
+    damping=1.0,
+    scaled=False,
+    easing=3.5,
+    raising=4.0,
+    enough=0.01,
+    good=0.99,
+    longest=float("inf"),
+    in_a_row=1,
 )
 
 
@@ -108,8 +114,8 @@ def _units(curvature: Float[Numbers, " q"], unit: Float[Numbers, " q"] | float) 
 def _solver(stepper: Stepper, tolerance: float) -> Any:
     """The solver of optimistix that takes the steps of `stepper`.
 
-    Optimistix has the loop, its end and its results; which step comes next is a *descent* and a *search* there. Classes
-    inside a function: the library loads slowly, and a diagnosis has a loop of its own.
+    Optimistix has the loop and its results; which step comes next, and which is the last, is a *descent* and a *search*
+    there. Classes inside a function: the library loads slowly, and a diagnosis has a loop of its own.
     """
     import optimistix as optx
 
@@ -134,11 +140,11 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
             sound = jnp.all(jnp.isfinite(step))
             return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
 
-    class Damping(optx.AbstractSearch):
-        """The damping of `stepper`: a step is accepted where it lowers the cost."""
+    class Judgement(optx.AbstractSearch):
+        """What `stepper` makes of each step."""
 
-        def init(self, y: Float[Numbers, " q"], f_info_struct: Any) -> Float[Numbers, ""]:
-            return jnp.asarray(stepper.damping)
+        def init(self, y: Float[Numbers, " q"], f_info_struct: Any) -> Course:
+            return jax.tree.map(jnp.asarray, stepper.first)
 
         def step(
             self,
@@ -147,48 +153,41 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
             y_eval: Float[Numbers, " q"],
             f_info: Any,
             f_eval_info: Any,
-            state: Float[Numbers, ""],
-        ) -> tuple[Float[Numbers, ""], Bool[Numbers, ""], Any, Float[Numbers, ""]]:
+            state: Course,
+        ) -> tuple[Float[Numbers, ""], Bool[Numbers, ""], Any, Course]:
             step, residual = y_eval - y, f_info.residual
             after = f_info.jac.mv(step) + residual
             predicted = 0.5 * (after @ after - residual @ residual)
             change = f_eval_info.as_min() - f_info.as_min()
-            accepted, damping = stepper.judged(state, change, predicted)
-            accepted, damping = first_step | accepted, jnp.where(first_step, state, damping)
-            failed = damping > stepper.most
-            result = optx.RESULTS.where(failed, optx.RESULTS.nonlinear_divergence, optx.RESULTS.successful)
-            return 1.0 / damping, accepted, result, damping
+            other = f_eval_info.residual
+            small = is_small_change(y_eval, step, tolerance) & is_small_change(
+                other, other - residual, tolerance
+            )
+            course = stepper.after(state, change, predicted, small)
+            # The first one only evaluates the start.
+            course = jax.tree.map(lambda old, new: jnp.where(first_step, old, new), state, course)
+            return 1.0 / course.damping, course.accepted, optx.RESULTS.successful, course
 
     class Solver(optx.AbstractGaussNewton):
-        """Least squares by these steps."""
+        """Least squares by these steps; the tolerances are not asked."""
 
-        rtol: float = _RELATIVE
-        atol: float = tolerance
+        rtol: float = 1.0
+        atol: float = 1.0
         norm: Callable = optx.max_norm
         descent: Steps = Steps()
-        search: Damping = Damping()
+        search: Judgement = Judgement()
         verbose: Callable = _silent
+
+        def terminate(
+            self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
+        ) -> tuple[Bool[Numbers, ""], Any]:
+            return state.search_state.ended, state.result
 
     return Solver()
 
 
 def _silent(**_: object) -> None:
     """No output: optimistix reports every step."""
-
-
-def _ending(result: Any) -> Int[Numbers, ""]:
-    """The number of the `Ending` that a `result` of optimistix stands for."""
-    import optimistix as optx
-
-    meanings = (
-        (optx.RESULTS.successful, Ending.AT_REST),
-        (optx.RESULTS.nonlinear_divergence, Ending.NO_STEP),
-        (optx.RESULTS.nonlinear_max_steps_reached, Ending.STEPS),
-    )
-    found = jnp.asarray(Ending.NOT_FINITE.number)
-    for one, ending in meanings:
-        found = jnp.where(result == one, ending.number, found)
-    return found
 
 
 def levenberg_marquardt(
@@ -216,7 +215,7 @@ def levenberg_marquardt(
     """
     xp, (vector, unit) = known(vector, unit)
     if xp is np and numpy_or_jax(objective) is np:
-        return _step_by_step(objective, vector, unit, max_steps, stepper, tolerance)
+        return _step_by_step(_Problem(objective, vector, unit, tolerance), max_steps, stepper)
     import optimistix as optx
 
     solution = optx.least_squares(
@@ -228,6 +227,7 @@ def levenberg_marquardt(
         max_steps=max_steps,
         throw=False,
     )
+    lost = solution.result == optx.RESULTS.nonfinite
     jacobian = solution.state.f_info.jac.as_matrix()
     curvature = jnp.sum(jacobian * jacobian, axis=0)
     return Descent(
@@ -235,48 +235,75 @@ def levenberg_marquardt(
         solution.state.f_info.as_min(),
         solution.stats["num_steps"],
         _units(curvature, unit),
-        _ending(solution.result),
+        jnp.where(lost, Ending.NOT_FINITE.number, solution.state.search_state.ending),
     )
 
 
-def _step_by_step(
-    objective: AbstractObjective,
-    vector: Float[np.ndarray, " q"],
-    unit: Float[np.ndarray, " q"],
-    max_steps: int,
-    stepper: Stepper,
-    tolerance: float,
-) -> Descent:
+class _Place(AbstractPlace):
+    """A `place`, in units, on the way down an `objective`, with the residuals that stand for its cost there, and their
+    `slope` by the place."""
+
+    problem: "_Problem"
+    place: Float[np.ndarray, " q"]
+    residual: Float[np.ndarray, " q1"]
+    slope: Float[np.ndarray, "q1 q"]
+
+    @property
+    def cost(self) -> float:
+        """At the place."""
+        return float(0.5 * self.residual @ self.residual)
+
+    @property
+    def gradient(self) -> Float[np.ndarray, " q"]:
+        """Of the cost."""
+        return self.slope.T @ self.residual
+
+    @property
+    def hessian(self) -> Float[np.ndarray, "q q"]:
+        """Of the cost, by Gauss and Newton."""
+        return self.slope.T @ self.slope
+
+    @property
+    def longest(self) -> None:
+        """As the stepper has it."""
+        return None
+
+    def moved(self, step: Float[np.ndarray, " q"]) -> "_Place":
+        """The place a `step` further."""
+        return self.problem.at(self.place + step)
+
+    def is_near(self, there: "_Place") -> bool:
+        """Whether neither place nor residuals change by more than the tolerance."""
+        pairs = ((there.place, self.place), (there.residual, self.residual))
+        return all(bool(is_small_change(new, new - old, self.problem.tolerance)) for new, old in pairs)
+
+    def is_minimum(self) -> bool:
+        """Left to the rounds of a fit, which try once more with more damping."""
+        return False
+
+
+class _Problem(NamedTuple):
+    """An `objective` from `vector` on, in these units, and the `tolerance` of the last step."""
+
+    objective: AbstractObjective
+    vector: Float[np.ndarray, " q"]
+    unit: Float[np.ndarray, " q"]
+    tolerance: float
+
+    def at(self, place: Float[np.ndarray, " q"]) -> _Place:
+        """What is evaluated at a `place`."""
+        f, slope = small_residuals(self.objective.near(self.vector + self.unit * place))
+        return _Place(self, place, f, slope * self.unit)
+
+
+def _step_by_step(problem: _Problem, max_steps: int, stepper: Stepper) -> Descent:
     """`levenberg_marquardt` outside of transformations: nothing but the objective is compiled."""
-    place = proposed = np.zeros_like(vector)
-    residual, jacobian = np.zeros(vector.size + 1), np.zeros((vector.size + 1, vector.size))
-    damping, ending, number = np.asarray(stepper.damping), Ending.STEPS, 0
-    for number in range(1, max_steps + 1):
-        f, slope = small_residuals(objective.near(vector + unit * proposed))
-        slope, accepted, at_rest = slope * unit, True, False
-        if number > 1:
-            after = jacobian @ (proposed - place) + residual
-            predicted = 0.5 * (after @ after - residual @ residual)
-            accepted, damping = stepper.judged(damping, 0.5 * (f @ f - residual @ residual), predicted)
-        if accepted:
-            at_rest = _same(proposed, proposed - place, tolerance) and _same(f, f - residual, tolerance)
-            place, residual, jacobian = proposed, f, slope
-        if damping > stepper.most:
-            ending = Ending.NO_STEP
-            break
-        hessian, gradient = jacobian.T @ jacobian, jacobian.T @ residual
-        if not (np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradient))):
-            ending = Ending.NOT_FINITE
-            break
-        if at_rest:
-            ending = Ending.AT_REST
-            break
-        proposed = place + stepper.step(hessian, gradient, damping)
-    cost, curvature = 0.5 * residual @ residual, np.sum(jacobian * jacobian, axis=0)
-    number, ended = np.asarray(number), np.asarray(ending.number)
-    return Descent(vector + unit * place, np.asarray(cost), number, _units(curvature, unit), ended)
-
-
-def _same(values: Float[np.ndarray, " k"], change: Float[np.ndarray, " k"], tolerance: float) -> bool:
-    """Whether the `change` to these `values` is one that ends a descent, by the rule of optimistix."""
-    return bool(np.max(np.abs(change) / (tolerance + _RELATIVE * np.abs(values)), initial=0.0) < 1.0)
+    first = problem.at(np.zeros_like(problem.vector))
+    end, ending, tried = stepper.descend(first, max_steps - 1)
+    return Descent(
+        problem.vector + problem.unit * end.place,
+        np.asarray(end.cost),
+        np.asarray(tried + 1),
+        _units(np.diag(end.hessian), problem.unit),
+        np.asarray(ending.number),
+    )

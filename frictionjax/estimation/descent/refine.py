@@ -78,7 +78,7 @@ class Refined(eqx.Module):
     @property
     def ending(self) -> Ending:
         """Of a single fit: why the last steps of its best round ended."""
-        return list(Ending)[int(self.state.ending)]
+        return Ending.of(self.state.ending)
 
     @property
     def inconsistent(self) -> bool:

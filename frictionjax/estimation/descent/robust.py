@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
-from frictionjax.estimation.descent.stepper import Ending, Stepper
+from frictionjax.estimation.descent.stepper import AbstractPlace, Ending, Stepper
 from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
@@ -42,11 +42,77 @@ class Fitted(NamedTuple):
         return np.asarray(self.near.powers[0])
 
 
-class _Point(NamedTuple):
-    """A vector, and what was evaluated there."""
+class _Place(AbstractPlace):
+    """A `vector` on the way down a `posterior`, what was evaluated there, and the cost `near` it; a gain of less than
+    the part `tolerance` of the misfit is a small one."""
 
-    vector: Float[Numbers, " q"]
+    posterior: Posterior
+    tolerance: float
+    vector: Float[np.ndarray, " q"]
     evaluations: tuple[Evaluation, ...]
+    near: Quadratic
+
+    @property
+    def cost(self) -> float:
+        """At the vector."""
+        return float(self.near.cost)
+
+    @property
+    def gradient(self) -> Float[np.ndarray, " q"]:
+        """Of the cost."""
+        return np.asarray(self.near.gradient)
+
+    @property
+    def hessian(self) -> Float[np.ndarray, "q q"]:
+        """Of the cost, by Gauss and Newton."""
+        return np.asarray(self.near.hessian)
+
+    @property
+    def longest(self) -> Float[np.ndarray, " q"]:
+        """Step: the unit of a strength is only where its effect becomes visible, so that it may at least double."""
+        found = np.full(self.vector.size, _STEPPER.longest)
+        layout = self.posterior.layout
+        strengths = [i for i, free in enumerate(layout) if free.parameter.transform == "linear"]
+        found[strengths] = np.maximum(_STEPPER.longest, np.abs(self.vector[strengths]))
+        return found
+
+    def moved(self, step: Float[np.ndarray, " q"]) -> "_Place":
+        """The place a `step` further: parameters and fitted deflections together, the others each alone."""
+        posterior, proposed = self.posterior, self.vector + step
+        held_out = np.flatnonzero(np.asarray(posterior.fitted[0]) == 0.0) + posterior.parameters
+        proposed[held_out] = np.clip(proposed[held_out], -1.0, 1.0)
+        return _place(posterior, proposed, posterior.evaluated(proposed), self.tolerance)
+
+    def is_near(self, there: "_Place") -> bool:
+        """Whether the way `there` takes a negligible part off the misfit."""
+        return self._per_sample(self.cost - there.cost) < self._negligible()
+
+    def is_minimum(self) -> bool:
+        """Whether the undamped step promises a negligible gain: g' H^-1 g / 2."""
+        gradient = self.gradient
+        promised = 0.5 * float(gradient @ np.linalg.lstsq(self.hessian, gradient, rcond=1e-12)[0])
+        return self._per_sample(promised) < self._negligible()
+
+    def _per_sample(self, cost: float) -> float:
+        """Half a nat of the `cost` is one of the misfit."""
+        return 0.5 * cost / _samples(self.posterior)
+
+    def _negligible(self) -> float:
+        """Gain per sample that is negligible. The cost is a logarithm: far from the noise, too, a nat is a factor e in
+        the errors."""
+        misfit = self._per_sample(self.cost - _cost_at_scale(self.posterior))
+        return max(1e-5, self.tolerance * min(misfit, 1.0))
+
+
+def _place(
+    posterior: Posterior,
+    vector: Float[Numbers, " q"],
+    evaluations: tuple[Evaluation, ...],
+    tolerance: float,
+) -> _Place:
+    return _Place(
+        posterior, tolerance, np.asarray(vector), evaluations, posterior.assembled(evaluations, vector)
+    )
 
 
 def descend(
@@ -67,15 +133,16 @@ def descend(
     - `tolerance`: the descent has converged when two steps in a row take less than this part off the misfit, or off
         one nat where that is less (or 1e-5).
     """
-    point = _point(posterior, vector)
+    there, evaluations = np.asarray(vector), posterior.evaluated(vector)
     if graduate:
         for quantile in GRADUATION:
-            scale = _scale(posterior, point, quantile)
+            scale = _scale(posterior, evaluations, quantile)
             if scale > AT_THE_NOISE:
-                point, _, _ = _steps(graduated(posterior, scale), point, 4, 0.05)
-    point, near, ending = _steps(graduated(posterior, 1.0), point, steps, tolerance)
-    misfit = misfit_of(np.asarray(near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
-    return Fitted(point.vector, near, misfit, ending)
+                there, evaluations = _brought_down(posterior, there, evaluations, scale, 4, 0.05)
+    first = _place(graduated(posterior, 1.0), there, evaluations, tolerance)
+    end, ending, _ = _STEPPER.descend(first, steps)
+    misfit = misfit_of(np.asarray(end.near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
+    return Fitted(end.vector, end.near, misfit, ending)
 
 
 def level_out(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:
@@ -84,84 +151,44 @@ def level_out(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbe
     The robust cost ignores what it cannot explain: with friction that differs by direction it may fit one direction to
     the noise and ignore the other. No small step leads away from there; one does from where both misfit equally.
     """
-    point = _point(posterior, vector)
+    there, evaluations = np.asarray(vector), posterior.evaluated(vector)
     for _ in range(2):  # the second with the scale of the blocks at the new vector
-        point, _, _ = _steps(graduated(posterior, _scale(posterior, point, _LEVEL)), point, 8, 0.01)
-    return point.vector
+        scale = _scale(posterior, evaluations, _LEVEL)
+        there, evaluations = _brought_down(posterior, there, evaluations, scale, 8, 0.01)
+    return there
 
 
-def _point(posterior: Posterior, vector: Float[Numbers, " q"]) -> _Point:
-    vector = np.asarray(vector)
-    return _Point(vector, posterior.evaluated(vector))
+def _brought_down(
+    posterior: Posterior,
+    vector: Float[np.ndarray, " q"],
+    evaluations: tuple[Evaluation, ...],
+    scale: float,
+    steps: int,
+    tolerance: float,
+) -> tuple[Float[np.ndarray, " q"], tuple[Evaluation, ...]]:
+    """The vector, and what was evaluated there, after a few `steps` with the loss of this `scale`."""
+    first = _place(graduated(posterior, scale), vector, evaluations, tolerance)
+    end, _, _ = _STEPPER.descend(first, steps)
+    return end.vector, end.evaluations
 
 
-def _scale(posterior: Posterior, point: _Point, quantile: float) -> float:
+def _scale(posterior: Posterior, evaluations: tuple[Evaluation, ...], quantile: float) -> float:
     """That quantile of the powers of the blocks that are fitted, at least that of the noise."""
     fitted = np.asarray(posterior.fitted[0]) > 0
     scored = np.asarray(posterior.batch.block_count)[fitted] > 0
-    power = np.nan_to_num(np.asarray(point.evaluations[0].power)[fitted][scored], nan=1e30)
+    power = np.nan_to_num(np.asarray(evaluations[0].power)[fitted][scored], nan=1e30)
     return max(float(np.quantile(power, quantile)), 1.0)
 
 
-def _steps(
-    posterior: Posterior, point: _Point, steps: int, tolerance: float
-) -> tuple[_Point, Quadratic, Ending]:
-    """At most so many `steps` down the `posterior` as it is: where they end, the cost near there, and why."""
-    held_out = np.flatnonzero(np.asarray(posterior.fitted[0]) == 0.0) + posterior.parameters
-    least, samples = _cost_at_scale(posterior)
-    damping, small, near = _STEPPER.damping, 0, posterior.assembled(point.evaluations, point.vector)
-    for _ in range(steps):
-        if not np.all(np.isfinite(np.asarray(near.hessian))):
-            return point, near, Ending.NOT_FINITE
-        now = np.asarray(point.vector)
-        proposed = now + _step(posterior, now, near, damping)
-        proposed[held_out] = np.clip(proposed[held_out], -1.0, 1.0)
-        there = _point(posterior, proposed)
-        near_there = posterior.assembled(there.evaluations, there.vector)
-        cost, new = float(near.cost), float(near_there.cost)
-        # Half a nat of the cost is one of the misfit.
-        negligible = _negligible(0.5 * (cost - least) / samples, tolerance)
-        accepted, following = _STEPPER.judged(damping, new - cost)
-        damping = float(following)
-        if accepted:
-            gained = 0.5 * (cost - new) / samples
-            point, near = there, near_there
-            small = small + 1 if gained < negligible else 0
-            if small >= 2:
-                return point, near, Ending.AT_REST
-        elif damping > _STEPPER.most:
-            converged = 0.5 * _predicted(near) / samples < negligible
-            return point, near, Ending.AT_REST if converged else Ending.NO_STEP
-    return point, near, Ending.STEPS
-
-
-def _step(
-    posterior: Posterior, vector: Float[np.ndarray, " q"], near: Quadratic, damping: float
-) -> Float[np.ndarray, " q"]:
-    """Damped Gauss-Newton step from `vector`: parameters and fitted deflections together, the others each alone."""
-    # The unit of a strength is only where its effect becomes visible: it may at least double.
-    longest = np.full(vector.size, _STEPPER.longest)
-    strengths = [i for i, free in enumerate(posterior.layout) if free.parameter.transform == "linear"]
-    longest[strengths] = np.maximum(_STEPPER.longest, np.abs(vector[strengths]))
-    return np.asarray(_STEPPER.step(np.asarray(near.hessian), np.asarray(near.gradient), damping, longest))
-
-
-def _cost_at_scale(posterior: Posterior) -> tuple[float, float]:
-    """Cost of the fitted recordings with every block at the scale of the loss, and how many samples they have."""
+def _cost_at_scale(posterior: Posterior) -> float:
+    """Cost of the fitted recordings with every block at the scale of the loss."""
     scale = posterior.loss.knee  # type: ignore[attr-defined]
     fitted, count = np.asarray(posterior.fitted[0])[:, None], np.asarray(posterior.batch.block_count)
     weight = np.asarray(posterior.weights[0]).reshape(count.shape)
-    least = 0.5 * float(np.sum(fitted * weight * count)) * float(posterior.loss.cost(scale))
-    return least, float(np.sum(fitted * count))
+    return 0.5 * float(np.sum(fitted * weight * count)) * float(posterior.loss.cost(scale))
 
 
-def _negligible(misfit: float, tolerance: float) -> float:
-    """Gain per sample that is negligible. The cost is a logarithm: far from the noise, too, a nat is a factor e in the
-    errors."""
-    return max(1e-5, tolerance * min(misfit, 1.0))
-
-
-def _predicted(near: Quadratic) -> float:
-    """Reduction of the cost that the undamped step predicts: g' H^-1 g / 2."""
-    gradient = np.asarray(near.gradient)
-    return 0.5 * float(gradient @ np.linalg.lstsq(np.asarray(near.hessian), gradient, rcond=1e-12)[0])
+def _samples(posterior: Posterior) -> float:
+    """How many samples the fitted recordings have."""
+    fitted = np.asarray(posterior.fitted[0])[:, None]
+    return float(np.sum(fitted * np.asarray(posterior.batch.block_count)))

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from frictionjax.estimation.descent.robust import Ending, _point, _steps
+from frictionjax.estimation.descent.robust import _STEPPER, Ending, _place
 from frictionjax.estimation.objective.loss import Cauchy
 from frictionjax.estimation.objective.quadratic import Quadratic
 
@@ -33,4 +33,7 @@ class _Rough:
 @pytest.mark.parametrize(("slope", "ending"), [(1e-4, Ending.AT_REST), (10.0, Ending.NO_STEP)])
 def test_running_out_of_damping_is_rest_only_at_a_minimum(slope, ending):
     posterior = _Rough(slope)
-    assert _steps(posterior, _point(posterior, jnp.zeros(1)), 50, 2e-3)[-1] is ending
+    place, found, tried = _STEPPER.descend(_place(posterior, jnp.zeros(1), (), 2e-3), 50)
+    assert found is ending
+    assert tried < 50
+    np.testing.assert_array_equal(place.vector, np.zeros(1))

@@ -29,17 +29,12 @@ from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start
-from frictionjax.estimation.descent.robust import Ending, Fitted, _step, descend
+from frictionjax.estimation.descent.robust import _STEPPER, Ending, Fitted, _Place, descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
-from frictionjax.estimation.parameters import effect_layout, pack
+from frictionjax.estimation.parameters import changed, effect_layout, pack
 from frictionjax.estimation.result import make_result
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import (
-    StandardErrors,
-    Uncertainty,
-    covariance_of,
-    estimates,
-)
+from frictionjax.estimation.uncertainty import StandardErrors, Uncertainty, covariance_of, estimates
 from frictionjax.physics import Drive
 
 KM = float(PLANT.motor_constant)
@@ -245,7 +240,8 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_minimum(q
         near = more.near(longer)
         slope = jnp.zeros_like(near.gradient).at[jnp.asarray([0, place])].set(-1e6)
         far = eqx.tree_at(lambda n: (n.gradient, n.hessian), near, (slope, jnp.eye(slope.size)))
-        step = _step(more, np.asarray(jnp.asarray(longer).at[place].set(now)), far, 0.0)
+        there = _Place(more, 2e-3, changed(longer, place, now), (), far).longest
+        step = _STEPPER.step(far.hessian, far.gradient, 0.0, there)
         assert step[place] == longest
         assert step[0] == 1.5
 

@@ -11,7 +11,7 @@ from frictionjax.estimation.descent.levenberg_marquardt import (
     equal_curvature,
     levenberg_marquardt,
 )
-from frictionjax.estimation.descent.stepper import Ending, Stepper
+from frictionjax.estimation.descent.stepper import Ending, Stepper, is_small_change
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
 
 SLOPES = np.array([[1.0, 2.0, 0.3], [0.0, 1e-3, 0.2], [3.0, 1.0, 1e3], [0.5, 0.1, 0.7]])
@@ -77,6 +77,35 @@ def test_a_step_is_judged_by_what_was_predicted():
     assert damping.tolist() == [0.2, 1.0, 8.0, 8.0, 8.0]
 
 
+@pytest.mark.parametrize("kind", [float, jnp.asarray], ids=["NumPy", "JAX"])
+def test_small_steps_in_a_row_are_the_last(kind):
+    """A long step starts the count again, a rejected one does not; it is the last where damping is at its most."""
+    stepper = Stepper(damping=1.0, raising=8.0, most=100.0, in_a_row=2)
+    after = jax.jit(stepper.after) if kind is jnp.asarray else stepper.after
+
+    def endings(steps):
+        course, found = stepper.first, []
+        for change, small in steps:
+            course = after(course, kind(change), kind(change), bool(small) if kind is float else kind(small))
+            found.append(Ending.of(course.ending))
+            assert bool(course.ended) is (found[-1] is not Ending.STEPS)
+        return found
+
+    goes_on, at_rest = Ending.STEPS, Ending.AT_REST
+    assert endings([(-1.0, True), (-1.0, True)]) == [goes_on, at_rest]
+    assert endings([(-1.0, True), (-1.0, False), (-1.0, True)]) == [goes_on] * 3
+    assert endings([(-1.0, True), (1.0, True), (-1.0, True)]) == [goes_on, goes_on, at_rest]
+    assert endings([(1.0, True)] * 3) == [goes_on, goes_on, Ending.NO_STEP]
+
+
+def test_a_change_is_small_where_each_value_hardly_moves():
+    """Below the tolerance, or below a thousandth of a large value."""
+    for change, small in (([0.009, 0.5], True), ([0.02, 0.5], False), ([0.009, 2.0], False)):
+        for kind in (np.asarray, jnp.asarray):
+            found = is_small_change(kind([0.0, 1e3]), kind(change), 0.01)
+            assert bool(found) is small
+
+
 # Outside of transformations by NumPy; inside by a compiled loop.
 DESCENTS = [levenberg_marquardt, eqx.filter_jit(levenberg_marquardt)]
 
@@ -125,5 +154,6 @@ def test_a_descent_says_why_it_ended(objective, steps, ending, descent):
     assert list(Ending)[int(found.ending)] is ending
     if ending is Ending.AT_REST:
         np.testing.assert_allclose(found.vector, [1.0, 1.0], atol=1e-2)
+        assert int(found.steps) == int(levenberg_marquardt(objective, vector, jnp.ones(2), steps).steps)
     if ending in (Ending.NO_STEP, Ending.NOT_FINITE):
         np.testing.assert_array_equal(found.vector, vector)
