@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.diagnosis.evidence.judgement import by_cluster
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import OtherDecision
-from frictionjax.estimation.data.batch import CLUSTER
 from frictionjax.estimation.evidence import Observed
+from frictionjax.estimation.objective.misfit import block_misfits
 from frictionjax.estimation.objective.posterior import Posterior
 
 CREDIBLE = "base model is credible"
@@ -110,9 +111,7 @@ def energy_and_lead(
     # many would outvote the few with a signal.
     loud = count * (np.maximum(reference, power) > rule.credible.loud)
     before, after = (float(np.sum(loud * np.maximum(each - 1.0, 0.0))) for each in (reference, power))
-    gain = 0.5 * count * np.log((reference + 1.0) / (power + 1.0))
-    short = -gain.shape[1] % CLUSTER
-    clusters = np.pad(gain, ((0, 0), (0, short))).reshape(gain.shape[0], -1, CLUSTER).sum(-1)
+    clusters = by_cluster(block_misfits(reference, count) - block_misfits(power, count))
     clusters = clusters[clusters != 0.0]
     lead = 0.0
     if clusters.size >= rule.credible.least_clusters:

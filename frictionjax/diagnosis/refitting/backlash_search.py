@@ -25,7 +25,7 @@ from frictionjax.diagnosis.evidence.noise_floor import gap_force, predictable
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.misfit import block_misfits, misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.parameters import changed
 from frictionjax.physics import Drive
@@ -102,7 +102,7 @@ def search_backlash(
         found, cost = _best(posterior, [found, *finer], rows, scale)
         if turn == 0:
             rigid = misfit_of(posterior.powers([vector])[0], rows, posterior.batch, scale)
-            at_noise = 0.5 * np.log((1.0 + scale) / (2.0 * scale))
+            at_noise = float(block_misfits(np.ones(()), 1.0, scale))
             if cost > rigid - own.least_gain * (rigid - at_noise):
                 return None
     return found

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION, Cauchy
+from frictionjax.estimation.objective.misfit import block_misfits
 from frictionjax.estimation.objective.posterior import Posterior
 
 _STEPS = 4  # of Levenberg-Marquardt at one scale of the loss; the first only evaluates the start
@@ -76,8 +77,8 @@ _round_of_each = eqx.filter_jit(jax.vmap(_steps))
 def robust_costs(
     posterior: Posterior, vectors: Float[Numbers, "k q"], *, each: bool = False
 ) -> Float[np.ndarray, " k"]:
-    """Mean of log((1 + block power)/2)/2 over the scored samples at each of `vectors`: 0 at the noise; infinite where
-    a run is not finite.
+    """Robust misfit per scored sample of all evidence (`block_misfits`) at each of `vectors`: 0 at the noise; infinite
+    where a run is not finite.
 
     **Arguments:**
 
@@ -94,7 +95,7 @@ def _counts(posterior: Posterior, each: bool) -> Float[np.ndarray, " b"]:
 
 
 def _costs(powers: Float[np.ndarray, "k b"], count: Float[np.ndarray, " b"]) -> Float[np.ndarray, " k"]:
-    total = 0.5 * np.log((1.0 + powers) / 2.0) @ count / count.sum()
+    total = block_misfits(powers, count).sum(axis=-1) / count.sum()
     return np.where(np.isfinite(total), total, np.inf)
 
 

@@ -8,11 +8,11 @@ from frictionjax.estimation.data.batch import AbstractBatch
 
 def block_misfits(
     power: Float[np.ndarray, "*b"],
-    count: Float[np.ndarray, "*b"],
+    count: float | Float[np.ndarray, "..."],
     floor: float | Float[np.ndarray, "..."] = 1.0,
 ) -> Float[np.ndarray, "*b"]:
     """Half of the logarithm of (`power` + `floor`) / (2 `floor`), times the `count` of samples in each block: 0 at the
-    floor, half the logarithm of the power far above it."""
+    floor, half the logarithm of the power far above it. The one place that has this formula."""
     return 0.5 * count * np.log((power + floor) / (2.0 * floor))
 
 
