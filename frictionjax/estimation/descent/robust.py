@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.stepper import AbstractPlace, Ending, Stepper
-from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION
+from frictionjax.estimation.objective.loss import GRADUATION
 from frictionjax.estimation.objective.misfit import misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
@@ -137,7 +137,7 @@ def descend(
     if graduate:
         for quantile in GRADUATION:
             scale = _scale(posterior, evaluations, quantile)
-            if scale > AT_THE_NOISE:
+            if scale > 1.0:
                 there, evaluations = _brought_down(posterior, there, evaluations, scale, 4, 0.05)
     first = _place(graduated(posterior, 1.0), there, evaluations, tolerance)
     end, ending, _ = _STEPPER.descend(first, steps)

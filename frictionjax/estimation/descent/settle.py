@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
-from frictionjax.estimation.objective.loss import AT_THE_NOISE, GRADUATION, Cauchy
+from frictionjax.estimation.objective.loss import GRADUATION, Cauchy
 from frictionjax.estimation.objective.misfit import block_misfits
 from frictionjax.estimation.objective.posterior import Posterior
 
@@ -134,7 +134,7 @@ def settle(
             scales = np.ones(len(least))
         else:
             scales = _scales(powers, count > 0, quantile)
-            if np.all(scales < AT_THE_NOISE):
+            if np.all(scales <= 1.0):
                 continue
         if units is None:
             units = _units(posterior, vectors, each)

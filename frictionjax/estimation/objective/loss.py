@@ -34,9 +34,7 @@ class Gaussian(AbstractLoss):
 
 
 GRADUATION = (0.95, 0.8, 0.5)
-"""Quantiles of the block powers that set the scale of the loss, in turn, before it is at the noise."""
-AT_THE_NOISE = 1.2
-"""A scale below this many noise powers is as good as at the noise."""
+"""Quantiles of the block powers that set the scale of the loss, in turn, before it is at the noise: those above it."""
 
 
 class Cauchy(AbstractLoss):
