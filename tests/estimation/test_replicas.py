@@ -1,6 +1,7 @@
 """`fit_many` is `fit`, many at once."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from frictionjax.core import InputError
 from frictionjax.estimation import fit_many
 from frictionjax.estimation.descent.replicated import Found
 from frictionjax.estimation.evidence import Noise
-from frictionjax.estimation.fit_many import _doubtful, _keep_better
+from frictionjax.estimation.fit_many import _doubtful, _keep_better, _replicas
 
 SETS = 8
 LABELS = list(TRUTH)
@@ -107,6 +108,15 @@ def test_of_two_ends_the_likelier_one_is_kept():
     assert found.cost.tolist() == [-1.0, -9.0, -3.0, -7.0]
     _keep_better(found, ends([np.nan], [99.0]), np.array([2]))
     assert found.values[2, 0] == 3.0
+
+
+def test_what_a_set_does_not_determine_has_no_error():
+    """As in `fit`: at the end of a range, and where a derivative is not finite."""
+    found = ends([-1.0, -2.0, -3.0], [1.0, 2.0, 3.0])
+    found.at_end[1], found.hessian[2] = True, np.nan
+    layout = (SimpleNamespace(label="Fc"),)
+    posterior = SimpleNamespace(constraints=SimpleNamespace(layout=layout), prior=np.array([1e-9]))
+    assert _replicas(found, posterior).of("Fc")[1].tolist() == [1.0, np.inf, np.inf]
 
 
 def test_sets_of_two_shapes_are_refused(sets):
