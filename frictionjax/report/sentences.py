@@ -8,7 +8,7 @@ from frictionjax.core.quantities import times
 from frictionjax.diagnosis.findings.summary import free_sentence
 from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.diagnosis.verdict import Diagnosis
-from frictionjax.report.format import percent, quantities, words
+from frictionjax.report.format import number, percent, quantities, words
 from frictionjax.report.series import is_extended
 
 _LISTED = 3  # effects that a sentence names
@@ -26,19 +26,41 @@ def improvement(diagnosis: Diagnosis) -> str:
     before, after = (_rms(judged, f"prediction_rmse_{model}") for model in ("base", "extended"))
     lacks = _lacking(judged, "base"), _lacking(judged, "extended")
     of_what = "the friction force" if imposed else "the position"
+    floors = _over_noise(judged, is_extended(diagnosis))
     if not is_extended(diagnosis):
         (error,), (force,) = quantities([before], unit, 2), quantities([lacks[0]], plant.force_unit, 2)
         return (
-            f"{on} the base model predicts {of_what} 0.1 s ahead to {error} rms, and would need another {force} rms "
-            "of force to follow them exactly."
+            f"{on} the base model predicts {of_what} 0.1 s ahead to {error} rms{_in_brackets(floors)}, and would need "
+            f"another {force} rms of force to follow them exactly."
         )
     was, now = quantities([before, after], unit, 2)
     force, left = quantities(lacks, plant.force_unit, 2)
-    better = f" ({times(before / after)} better)" if 0 < after < before else ""
+    better = f"{times(before / after)} better" if 0 < after < before else ""
     return (
-        f"{on} the model with it predicts {of_what} 0.1 s ahead to {now} rms instead of {was}{better}, and the force "
-        f"that it lacks is {left} rms instead of {force}."
+        f"{on} the model with it predicts {of_what} 0.1 s ahead to {now} rms instead of "
+        f"{was}{_in_brackets(better, floors)}, and the force that it lacks is {left} rms instead of {force}."
     )
+
+
+def over_noise(recording: RecordingFit, extended: bool) -> float:
+    """The error of the last model 0.1 s ahead over the noise floor of a `recording`; not a number where no floor is
+    known.
+
+    **Arguments:** `extended`: whether the last model is the extended one.
+    """
+    error = recording.prediction_rmse_extended if extended else recording.prediction_rmse_base
+    return error / recording.noise_floor if recording.noise_floor > 0.0 else math.nan
+
+
+def _over_noise(recordings: list[RecordingFit], extended: bool) -> str:
+    """The largest error over the noise floor of some `recordings`, as on their cards; empty where no floor is known."""
+    found = [ratio for one in recordings if math.isfinite(ratio := over_noise(one, extended))]
+    return f"{'up to ' * (len(found) > 1)}{number(max(found), 2)} × noise floor" if found else ""
+
+
+def _in_brackets(*remarks: str) -> str:
+    said = [remark for remark in remarks if remark]
+    return f" ({', '.join(said)})" if said else ""
 
 
 def next_step(diagnosis: Diagnosis) -> str:
@@ -100,18 +122,27 @@ def remainder(diagnosis: Diagnosis) -> str:
 
 
 def badge(diagnosis: Diagnosis) -> str:
-    """The verdict in a few words, in agreement with `remainder`."""
+    """The verdict in a few words, in agreement with `remainder`; and, above cards that say how far the last model is
+    from the noise 0.1 s ahead, the largest of their numbers: what leaves no significant misfit may still be far from
+    it, as errors grow along a prediction."""
     if not diagnosis.was_diagnosed:
         return "Not diagnosed: the base model does not fit these recordings"
     if diagnosis.verdict == "adequate":
-        return "Adequate: no missing physics is significant"
+        return f"Adequate: no missing physics is significant{_ahead(diagnosis)}"
     if diagnosis.verdict == "unknown":
         if diagnosis.missing:
             return "Unknown: an effect is named, but no effect of the catalogue explains the rest"
         return "Unknown: physics is missing that no effect of the catalogue explains"
     if diagnosis.unexplained.present:
-        return f"Named: all but {percent(diagnosis.unexplained.share)} of the misfit is explained"
-    return "Named: the missing physics is identified and modelled"
+        return f"Named: all but {percent(diagnosis.unexplained.share)} of the misfit is explained{_ahead(diagnosis)}"
+    return f"Named: no significant misfit remains{_ahead(diagnosis)}"
+
+
+def _ahead(diagnosis: Diagnosis) -> str:
+    """How far the last model is from the noise on the held-out recordings, as the end of a badge."""
+    held_out = [one for one in diagnosis.recordings if one.role == "holdout"]
+    floors = _over_noise(held_out, is_extended(diagnosis))
+    return f"; 0.1 s ahead, the held-out error is {floors}" if floors else ""
 
 
 def _most_changed(diagnosis: Diagnosis) -> str:

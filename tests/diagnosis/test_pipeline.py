@@ -127,7 +127,7 @@ def test_its_null_twin_is_adequate(monkeypatch):
     assert found.verdict == "adequate"
     assert found.missing == ()
     assert found.summary == (
-        "Nothing significant is missing: the base model explains the recordings to the noise."
+        "Nothing significant is missing: the base model leaves no misfit that is significant above the noise."
     )
     assert found.base == found.extended
     for name, value in truth(PLANT).items():

@@ -177,7 +177,10 @@ NOTHING = Unexplained(False, 0.0, "")
 
 def test_an_adequate_model_is_reported_in_one_sentence():
     found = summary_sentence("adequate", (), NOTHING, "nowhere above the noise", (fake_recording(n=200),))
-    assert found == "Nothing significant is missing: the base model explains the recordings to the noise."
+    assert (
+        found
+        == "Nothing significant is missing: the base model leaves no misfit that is significant above the noise."
+    )
 
 
 def test_the_named_effect_its_place_and_the_held_out_error_are_reported():

@@ -62,7 +62,7 @@ def page():
 def test_it_opens_with_what_is_missing_how_much_better_and_what_to_do(page):
     first = SUMMARY.split(". ")[0]
     assert page.visible.startswith(f"{first}. On the held-out recordings the model with it predicts")
-    assert page.visible.index("Next: To decide between") < page.visible.index("Named: the missing physics")
+    assert page.visible.index("Next: To decide between") < page.visible.index("Named: no significant misfit")
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,8 @@ def test_the_improvement_has_units_of_position_and_force():
     said = improvement(_alone(recordings=(held,)))
     assert said == (
         "On the held-out recordings the model with it predicts the position 0.1 s ahead to 0.15 µrad rms instead of "
-        "1.2 µrad (8.0 times better), and the force that it lacks is 2.0 mN·m rms instead of 30 mN·m."
+        "1.2 µrad (8.0 times better, 1.4 × noise floor), and the force that it lacks is 2.0 mN·m rms instead of "
+        "30 mN·m."
     )
     imposed = replace(held, drive="motion", force=held.x)
     assert "predicts the friction force 0.1 s ahead to 0.15 µN·m" in improvement(
@@ -80,7 +81,6 @@ def test_what_next_depends_on_what_was_found():
 
 @pytest.mark.parametrize("verdict", ["named", "unknown"])
 def test_the_badge_and_what_remains_agree(verdict):
-    """Never "identified and modelled" above a card that speaks of the rest."""
     left = replace(
         _alone(verdict=verdict), unexplained=Unexplained(True, 0.10, "slow sliding", "velocity", 0.5)
     )
@@ -91,11 +91,38 @@ def test_the_badge_and_what_remains_agree(verdict):
     assert "A force that is free in velocity" in remainder(replace(left, ceiling=above))
     assert "A force that is free" not in remainder(left)
     if verdict == "named":
-        assert badge(left) == "Named: all but 10 % of the misfit is explained"
-        assert badge(whole) == "Named: the missing physics is identified and modelled"
+        assert badge(left).startswith(
+            "Named: all but 10 % of the misfit is explained; 0.1 s ahead, the held-out"
+        )
+        assert badge(whole).startswith("Named: no significant misfit remains; 0.1 s ahead, the held-out")
         assert "explains all but 10 % of the misfit" in remainder(left)
     else:
         assert "no effect of the catalogue explains the rest" in badge(left)
+
+
+@pytest.mark.parametrize("verdict", ["named", "adequate"])
+@pytest.mark.parametrize("present", [True, False])
+def test_badge_sentence_and_cards_say_how_far_from_the_noise_the_model_is(verdict, present):
+    """A model that is far from the noise is nowhere called one that explains the recordings to the noise."""
+    near = replace(
+        fake_recording(n=400), noise_floor=1e-7, prediction_rmse_base=1.2e-7, prediction_rmse_extended=1.1e-7
+    )
+    far = replace(near, name="far", prediction_rmse_base=9e-5, prediction_rmse_extended=1.18e-5)
+    fitted = replace(far, name="fitted", role="fit", prediction_rmse_base=1.0, prediction_rmse_extended=1.0)
+    found = _alone(
+        verdict=verdict, recordings=(fitted, near, far), unexplained=Unexplained(present, 0.1, ""),
+    )  # fmt: skip
+    largest = "118 × noise floor" if verdict == "named" else "900 × noise floor"
+    assert badge(found).endswith(f"; 0.1 s ahead, the held-out error is up to {largest}")
+    assert f"up to {largest})" in improvement(found)
+    body = str(Headline().body(found))
+    assert f"{largest} (100 nrad)" in body  # on the card of that recording
+    said = f"{badge(found)} {improvement(found)} {body}".lower()
+    assert not re.search(r"identified and modelled|explains? \S+ ?\S* to the noise|at the noise", said)
+    alone = replace(found, recordings=(near,))
+    assert "held-out error is 1.1 ×" in badge(alone) or "held-out error is 1.2 ×" in badge(alone)
+    silent = replace(found, recordings=(fitted, replace(far, noise_floor=0.0)))
+    assert "noise floor" not in badge(silent) + improvement(silent)
 
 
 def test_warnings_that_change_the_reading_stand_at_the_top():

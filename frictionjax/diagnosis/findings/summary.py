@@ -60,7 +60,7 @@ def _verdict_sentence(
                 f"({100 * unmeasured.of_coulomb:.2g} % of Coulomb friction, "
                 f"{100 * unmeasured.of_applied:.2g} % of the applied force), and nothing here explains that."
             )
-        return "Nothing significant is missing: the base model explains the recordings to the noise."
+        return "Nothing significant is missing: the base model leaves no misfit that is significant above the noise."
     held_out = _held_out(fits, unit, position_unit)
     if not missing:
         text = f"Something is missing that no effect of the catalogue explains. The mismatch is in: {where}."

@@ -12,7 +12,7 @@ from frictionjax.report.figures import answer_of
 from frictionjax.report.format import number, quantities, quantity
 from frictionjax.report.html import gauge, pair
 from frictionjax.report.sections.base import AbstractSection
-from frictionjax.report.sentences import badge, force_lacking, improvement, next_step
+from frictionjax.report.sentences import badge, force_lacking, improvement, next_step, over_noise
 from frictionjax.report.series import is_extended
 from frictionjax.report.template import fill
 
@@ -67,12 +67,11 @@ def _card(recording: RecordingFit, diagnosis: Diagnosis, extended: bool) -> dict
         recording.noise_floor,
     )
     before, now = quantities([base, after], unit, 2)
-    best = after if extended else base
     remarks = []
     if extended and after > 0 and math.isfinite(base / after):
         remarks.append(f"{number(base / after, 2)} times smaller")
-    if floor > 0 and math.isfinite(best / floor):
-        remarks.append(f"{number(best / floor, 2)} × noise floor ({quantity(floor, unit, 2)})")
+    if math.isfinite(ratio := over_noise(recording, extended)):
+        remarks.append(f"{number(ratio, 2)} × noise floor ({quantity(floor, unit, 2)})")
     sizes = [size for size in (base, after, floor) if math.isfinite(size) and size > 0] or [1.0]
     ends = {"low": min(sizes) / 1.5, "high": max(sizes) * 1.5}
     return {

@@ -43,8 +43,8 @@ def test_an_unmeasured_force_is_not_called_noise():
     assert (
         "an unmeasured force of 0.052 N*m rms (12 % of Coulomb friction, 4.6 % of the applied force)" in found
     )
-    assert "to the noise" not in found
+    assert "above the noise" not in found
     small = summary_sentence(
         "adequate", (), Unexplained(False, 0.0, ""), "", (), Unmeasured(0.01, 0.02, 0.004), "N*m"
     )
-    assert small.endswith("explains the recordings to the noise.")
+    assert small.endswith("significant above the noise.")
