@@ -15,6 +15,10 @@
     const svg = text.ownerSVGElement;
     return 12.5 * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
   });
+  // A number of the extended model stands beside or below that of the base model, never in the column of the headings.
+  const torn = [...document.querySelectorAll("td span.to")].filter((arrow) => (
+    arrow.getBoundingClientRect().left < arrow.previousElementSibling.getBoundingClientRect().left - 1
+  )).map((arrow) => name(arrow.parentElement));
   const chart = [...document.querySelectorAll("svg.chart")].find((svg) => svg.dataset.name === "time");
   const box = chart.getBoundingClientRect();
   const at = (share, kind) => chart.dispatchEvent(new PointerEvent(kind, {
@@ -28,7 +32,7 @@
   const zoomed = ticks();
   chart.dispatchEvent(new MouseEvent("dblclick"));
   const found = {
-    width: innerWidth, errors, overflowing, cut, smallest_text: Math.min(...texts), reading,
+    width: innerWidth, errors, overflowing, cut, torn, smallest_text: Math.min(...texts), reading,
     ticks_before: before.map(Number), ticks_zoomed: zoomed.map(Number), ticks_after: ticks().map(Number),
   };
   parent.postMessage(JSON.stringify(found), "*");

@@ -73,6 +73,7 @@ def test_a_screen_shows_all_of_it(page, width, tmp_path):
     assert found["errors"] == []
     assert found["overflowing"] == []
     assert found["cut"] == []
+    assert found["torn"] == []
     assert found["smallest_text"] >= 8.0
     # The script reads a chart and zooms it: values with a unit, other ticks, and back again.
     assert found["reading"][0].startswith("time ") and found["reading"][0].endswith(" s")
