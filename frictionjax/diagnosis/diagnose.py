@@ -199,7 +199,8 @@ def _diagnose(
     ceiling, afterwards = None, dict[str, Comparison | None]()
     if decision.verdict != "named" or decision.remains:
         progress("what any force would explain", 0.8)
-        ceiling, free = ceiling_of(last, scene_of(last, starting.names), _since(starting), rule=rule)
+        own = scene_of(last, starting.names)
+        ceiling, free = ceiling_of(last, own, _since(starting), base=base, rule=rule)
         afterwards[CEILING] = free
         decision = below_ceiling(decision, free, rule)
     clock.stage("ceiling")

@@ -121,6 +121,21 @@ class Within:
 
 
 @dataclass(frozen=True)
+class OneStep:
+    """How far the innovations of a held-out recording are from the noise: root mean square over that of the noise
+    floor, robust (from the misfit of its samples, which a few large errors do not rule).
+
+    **Attributes:** `recording` (its name), `base`, `model`, `free` (the base model, the last model, and the last model
+    with a free force).
+    """
+
+    recording: str
+    base: float
+    model: float
+    free: float
+
+
+@dataclass(frozen=True)
 class Ceiling:
     """How much a force that is free in what is known at each instant would explain beside the last model.
 
@@ -128,7 +143,8 @@ class Ceiling:
     model without it and with it), `share_fit`, `share_holdout` (share of the misfit that it removes), `lead` (in
     standard errors, on held-out recordings), `force` (root mean square, force units), `of_coulomb`, `of_applied` (over
     Coulomb friction, over the applied force), `variable` (that carries most of it), `above` (whether it predicts
-    held-out recordings significantly better).
+    held-out recordings significantly better), `recordings` (a `OneStep` for each held-out one; empty where no force was
+    tried).
     """
 
     misfit_model: float
@@ -141,6 +157,7 @@ class Ceiling:
     of_applied: float
     variable: str
     above: bool
+    recordings: tuple[OneStep, ...] = ()
 
 
 @dataclass(frozen=True)

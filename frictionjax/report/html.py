@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
+from frictionjax.report.bars import Bars, bars_svg
 from frictionjax.report.chart import Chart, svg
 from frictionjax.report.template import macro
 
@@ -59,7 +60,7 @@ class Drawn(NamedTuple):
     caption: str
 
 
-def figure(draw: Callable[[], Chart], caption: str) -> Markup:
+def figure(draw: Callable[[], Chart | Bars], caption: str) -> Markup:
     """A chart with its caption, which is also what a screen reader says; or in its place why there is none: the rest of
     the page does not depend on it.
 
@@ -69,7 +70,9 @@ def figure(draw: Callable[[], Chart], caption: str) -> Markup:
     - `caption`: plain text.
     """
     try:
-        return macro("figure", Drawn(svg(draw(), caption), caption))
+        drawn = draw()
+        picture = bars_svg(drawn, caption) if isinstance(drawn, Bars) else svg(drawn, caption)
+        return macro("figure", Drawn(picture, caption))
     except Exception as error:
         said = f"{caption}: this picture could not be drawn ({type(error).__name__}: {error})."
         return macro("figure", Drawn(None, said))

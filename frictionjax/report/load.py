@@ -25,6 +25,7 @@ from frictionjax.diagnosis.verdict import (
     MismatchBin,
     MissingEffect,
     NextExperiment,
+    OneStep,
     SimulationAsGiven,
     Unexplained,
     Verdict,
@@ -90,7 +91,7 @@ def load_diagnosis(directory: str | Path) -> Diagnosis:
             rule=_rebuilt(Rule(), searched.table("rule").content),
             effort=_rebuilt(Effort(), searched.table("effort").content),
             unmeasured=_if_there(root, "unmeasured_force", Unmeasured),
-            ceiling=_if_there(root, "ceiling", Ceiling),
+            ceiling=_ceiling(root),
             given=_as_given(root),
             check=None if root.content.get("check") is None else _check(root.table("check")),
         )
@@ -107,6 +108,15 @@ def _decision_of(content: Mapping[str, Any]) -> OtherDecision:
 def _if_there(root: Table, name: str, kind: Callable[..., _T]) -> _T | None:
     """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
     return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
+
+
+def _ceiling(root: Table) -> Ceiling | None:
+    """What a free force would explain; None where it was not asked."""
+    found = _if_there(root, "ceiling", Ceiling)
+    if found is None or not found.recordings:  # earlier versions did not say it of each recording
+        return found
+    rows = root.table("ceiling").listed("recordings")
+    return dataclasses.replace(found, recordings=tuple(OneStep(**_numbered(entry.content)) for entry in rows))
 
 
 def _as_given(root: Table) -> SimulationAsGiven | None:

@@ -38,7 +38,7 @@
     while (next !== null && (heading.contains(next) || next.parentElement.closest(skipped) || !next.textContent.trim())) {
       next = texts.nextNode();
     }
-    const drawing = next.parentElement.closest("svg.chart");
+    const drawing = next.parentElement.closest("svg.chart, svg.bars");
     if (drawing === null) next.before(mark("H")); else markDrawing(drawing, "H", 200, 6);
     heading.append(mark("H"));
   }

@@ -11,7 +11,7 @@
   }).map(name);
   const cut = all.filter((element) => !element.closest("svg") && element.scrollWidth > element.clientWidth + 1
     && element.clientWidth > 1 && getComputedStyle(element).display !== "inline").map(name);
-  const texts = [...document.querySelectorAll("svg.chart text")].map((text) => {
+  const texts = [...document.querySelectorAll("svg.chart text, svg.bars text")].map((text) => {
     const svg = text.ownerSVGElement;
     return 12.5 * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
   });

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import pytest
 from helpers_diagnosis import fake_diagnosis
 
+from frictionjax.diagnosis.verdict import Ceiling, OneStep
 from frictionjax.physics import catalogue
 from frictionjax.recordings import Plant
 from frictionjax.report.page import render
@@ -32,6 +33,8 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on
 def page():
     """A whole report, with a recording and a unit of long names, and a table of several pages."""
     found = fake_diagnosis(n=600)
+    steps = (OneStep("holdout_stick", 6.0, 2.0, 1.1),)
+    ceiling = Ceiling(0.3, 0.1, 0.7, 0.6, 8.0, 0.025, 0.05, 0.02, "velocity", True, steps)
     waves = {f"{part}{number}": 0.01 * number for number in range(1, 4) for part in ("sine", "cosine")}
     tried = replace(
         found.candidates[0], minimum_detectable=waves, one_step=waves,
@@ -43,7 +46,13 @@ def page():
     )
     plant = Plant(16.0, position_unit="rad", force_unit="N*m", input_unit="V")
     return render(
-        replace(found, plant=plant, recordings=(long, *found.recordings[1:]), candidates=candidates)
+        replace(
+            found,
+            plant=plant,
+            recordings=(long, *found.recordings[1:]),
+            candidates=candidates,
+            ceiling=ceiling,
+        )
     )
 
 

@@ -13,7 +13,7 @@ from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.recording_fit import Unmeasured
 from frictionjax.diagnosis.rule import Limits, Rule
 from frictionjax.diagnosis.table import Comparison, Lead, OtherDecision, Table
-from frictionjax.diagnosis.verdict import MismatchBin, NextExperiment, SimulationAsGiven
+from frictionjax.diagnosis.verdict import Ceiling, MismatchBin, NextExperiment, OneStep, SimulationAsGiven
 from frictionjax.report.save import comparisons_json, verdict_json
 
 
@@ -43,6 +43,19 @@ def _full():
         rule=Rule(limits=Limits(one=0.0625)),
         effort=Effort(rounds=2, screening=Screening(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
+        ceiling=Ceiling(
+            0.3,
+            0.1,
+            0.7,
+            0.6,
+            8.0,
+            0.025,
+            0.05,
+            0.02,
+            "velocity",
+            True,
+            (OneStep("kept", 6.0, 2.0, math.nan),),
+        ),
         given=SimulationAsGiven(
             "column", "It misses.", "sliding", (MismatchBin("regime", "sliding", 1.0, 9.0),)
         ),
@@ -68,6 +81,7 @@ def test_what_was_saved_comes_back(make, tmp_path):
     assert (found.rule, found.effort, found.plant) == (saved.rule, saved.effort, saved.plant)
     assert found.decided == saved.decided
     assert found.check == saved.check
+    assert repr(found.ceiling) == repr(saved.ceiling)
     assert found.base.keys() == saved.base.keys()
     assert repr(found) == repr(saved)
     for one, other in zip(found.recordings, saved.recordings, strict=True):

@@ -23,12 +23,12 @@ from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import LONGEST_STEP
 from frictionjax.diagnosis.selection.conclusion import is_above
 from frictionjax.diagnosis.table import Comparison
-from frictionjax.diagnosis.verdict import Ceiling
+from frictionjax.diagnosis.verdict import Ceiling, OneStep
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power
-from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.misfit import losses_of, misfit_of
 from frictionjax.estimation.objective.quadratic import all_columns
 
 _PROBE = 0.02  # of Coulomb friction: a force whose response is simulated
@@ -58,6 +58,7 @@ def ceiling_of(
     scene: Scene,
     since: Float[np.ndarray, " r"],
     *,
+    base: Model | None = None,
     rule: Rule = Rule(),
 ) -> tuple[Ceiling | None, Comparison | None]:
     """How much more than the `model` a model with a free force explains.
@@ -67,6 +68,7 @@ def ceiling_of(
     - `model`: the last model, with what was accepted.
     - `scene`: its recordings.
     - `since`: s since power-on of the first sample of each.
+    - `base`: the base model, for how far it is from the noise; None where the `model` is it.
     - `rule`: when the free force is significant.
 
     **Returns:** what it comes to, and the model with a free force against the one without it (None where there is
@@ -92,10 +94,33 @@ def ceiling_of(
         for one in (fit, search.first)
     )
     found = compare(before, reached, floor, rule=rule)
-    return _reported(found, fit, groups, model, rule), found
+    judged = (before if base is None else base.judgement, before, reached)
+    return _reported(found, fit, groups, model, _one_step(judged, scene, floor), rule), found
 
 
-def _reported(found: Comparison, fit: _Fit, groups: tuple[Group, ...], model: Model, rule: Rule) -> Ceiling:
+def _one_step(
+    judged: tuple[Judgement, ...], scene: Scene, floor: Float[np.ndarray, "#r #b"]
+) -> tuple[OneStep, ...]:
+    """How far each of the models that were `judged` is from the noise `floor` in each held-out recording of the
+    `scene`."""
+    found = []
+    for one in judged:
+        loss, count = losses_of(one.power, one.batch, floor), np.asarray(one.batch.block_count)
+        misfit = loss.sum(axis=1) / np.maximum(count.sum(axis=1), 1.0)
+        # The power at which every sample has this misfit.
+        found.append(np.sqrt(np.maximum(2.0 * np.exp(2.0 * misfit) - 1.0, 0.0)))
+    rows = np.flatnonzero(scene.held_out)
+    return tuple(OneStep(scene.names[row], *(float(ratio[row]) for ratio in found)) for row in rows)
+
+
+def _reported(
+    found: Comparison,
+    fit: _Fit,
+    groups: tuple[Group, ...],
+    model: Model,
+    recordings: tuple[OneStep, ...],
+    rule: Rule,
+) -> Ceiling:
     batch, drive, gains = model.posterior.batch, model.judgement.drive, found.gains(rule)
     inside, Fc = np.asarray(batch.valid) > 0.0, float(drive.friction.Fc)
     force = Fc * np.tensordot(fit.heights, together(groups), 1) if groups else np.zeros(inside.shape)
@@ -112,6 +137,7 @@ def _reported(found: Comparison, fit: _Fit, groups: tuple[Group, ...], model: Mo
         of_applied=rms / max(float(np.sqrt(np.mean(applied**2))), 1e-300),
         variable=", ".join(group.variable for group in groups),
         above=is_above(found, rule),
+        recordings=recordings,
     )
 
 

@@ -2,6 +2,7 @@
 
 from frictionjax.report.sections.base import AbstractSection as AbstractSection
 from frictionjax.report.sections.candidates import Candidates
+from frictionjax.report.sections.ceiling import Ceilings
 from frictionjax.report.sections.checked import Checked
 from frictionjax.report.sections.comparison import Comparison, Errors
 from frictionjax.report.sections.friction import Friction
@@ -17,6 +18,7 @@ from frictionjax.report.sections.residual import Residual
 SECTIONS: tuple[AbstractSection, ...] = (
     Headline(),
     Missing(),
+    Ceilings(),
     Checked(),
     Friction(),
     Comparison(),

@@ -54,6 +54,11 @@ def test_a_force_over_position_that_the_model_lacks_is_found_with_its_size():
     assert found.force == pytest.approx(true, rel=0.2)
     assert found.of_coulomb == pytest.approx(found.force / float(model.judgement.drive.friction.Fc))
     assert found.misfit_free < 0.1 * found.misfit_model
+    (step,) = found.recordings
+    assert step.recording == "others" and step.base == step.model > 1.2 > step.free > 0.9
+    # One recording is held out: its samples alone make the misfit.
+    assert step.model**2 == pytest.approx(2.0 * np.exp(2.0 * found.misfit_model) - 1.0)
+    assert step.free**2 == pytest.approx(2.0 * np.exp(2.0 * found.misfit_free) - 1.0)
 
 
 def test_where_nothing_is_missing_no_force_predicts_better():
