@@ -5,6 +5,12 @@ packages in conftest.py verified at each call.
 """
 
 import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,8 +47,62 @@ def test_every_argument_and_return_has_a_type():
     assert not found, "\n".join(found)
 
 
-def test_the_types_reach_users():
-    assert (PACKAGE / "py.typed").is_file()
+SCRIPT = """import frictionjax as fj
+
+case = fj.load_case("case.toml")
+found = fj.diagnose(case)
+reveal_type(fj.diagnose(case))
+reveal_type(found.missing[0].confidence)
+drive = fj.Drive(1.0, fj.LuGre(1e5, 300.0, 0.4, 1.0, 1.5, 1e-3), 16.0)
+reveal_type(fj.fit(drive, case).parameters)
+reveal_type(fj.simulate(drive, 0.5, 1000.0))
+print(found.verdikt)
+"""
+"""What a user writes; its last line is a mistake."""
+
+
+@pytest.fixture(scope="module")
+def checked_script(tmp_path_factory):
+    """What pyright says of the script, line by line, where the package is installed as in a user's environment."""
+    program = shutil.which("pyright")
+    if program is None:
+        pytest.skip("pyright is not installed")
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    try:
+        starts = subprocess.run([program, "--version"], capture_output=True, timeout=120, env=clean)
+    except subprocess.TimeoutExpired:
+        pytest.skip("pyright does not start")
+    if starts.returncode:
+        pytest.skip("pyright does not start")
+    folder = tmp_path_factory.mktemp("user")
+    layout = ("Lib",) if sys.platform == "win32" else ("lib", f"python3.{sys.version_info.minor}")
+    site = folder.joinpath("venv", *layout, "site-packages")
+    shutil.copytree(PACKAGE, site / "frictionjax", ignore=shutil.ignore_patterns("__pycache__"))
+    (site / "libraries.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    settings = {"venvPath": str(folder), "venv": "venv", "reportMissingTypeStubs": "error"}
+    (folder / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
+    (folder / "script.py").write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run(
+        [program, "--outputjson", "script.py"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=clean,
+    )
+    said = json.loads(done.stdout)["generalDiagnostics"]
+    return {one["range"]["start"]["line"] + 1: one["message"] for one in said}
+
+
+def test_the_types_reach_users(checked_script):
+    """Without py.typed pyright asks for stubs in line 1; with a name that it cannot follow it says Any, or Unknown."""
+    lines = SCRIPT.splitlines()
+    revealed = {k: said for k, said in checked_script.items() if lines[k - 1].startswith("reveal_type")}
+    assert [said.split(" is ")[-1].strip('"') for said in revealed.values()] == [
+        *("Diagnosis", "float", "dict[str, Estimate]", "Trajectory")
+    ]
+    (mistake,) = (said for k, said in checked_script.items() if k not in revealed)
+    assert "verdikt" in mistake and "Diagnosis" in mistake
 
 
 @pytest.mark.parametrize(
