@@ -5,6 +5,7 @@ from pathlib import Path
 from frictionjax.core import InputError
 from frictionjax.recordings.limits import require_small, too_large
 from frictionjax.recordings.readers.base import AbstractTable, Reader
+from frictionjax.recordings.readers.content_kind import kind_of
 from frictionjax.recordings.readers.frames import open_feather, open_parquet
 from frictionjax.recordings.readers.hdf5 import open_hdf5
 from frictionjax.recordings.readers.json_file import open_json
@@ -49,7 +50,8 @@ _SUFFIXES = tuple(suffix for suffix in READERS if not suffix.endswith((".gz", ".
 
 
 def open_table(path: Path) -> AbstractTable:
-    """Open a file of measured columns with the reader of its suffix.
+    """Open a file of measured columns with the reader of its suffix; where that is none of ours, with that of its
+    content, which is a table of text if nothing else.
 
     **Arguments:**
 
@@ -57,20 +59,49 @@ def open_table(path: Path) -> AbstractTable:
 
     **Returns:** its table.
 
-    **Raises:** `InputError` when no reader knows the suffix or the file is not what its suffix says.
+    **Raises:** `InputError` when no reader knows the content or the file is not what its suffix says.
     """
     name = path.name.lower()
-    for suffix, reader in READERS.items():
-        if name.endswith(suffix):
-            require_small(path)
-            try:
-                return reader(path)
-            except MemoryError:
-                raise too_large(shown(path, 200), "its content does not fit into memory, and") from None
-    raise InputError(
-        f'no reader for the suffix "{shown(path.suffix)}"' if path.suffix else "the file has no suffix",
+    reader = next((reader for suffix, reader in READERS.items() if name.endswith(suffix)), None)
+    require_small(path)
+    try:
+        return _open_by_content(path) if reader is None else reader(path)
+    except MemoryError:
+        raise too_large(shown(path, 200), "its content does not fit into memory, and") from None
+    except InputError as error:
+        raise _of_another_format(path, reader) or error from None
+
+
+def _open_by_content(path: Path) -> AbstractTable:
+    """The table of a file whose suffix says nothing: of the format that its first bytes show, else as text."""
+    kind = kind_of(path)
+    if kind is not None and kind.suffix:
+        return READERS[kind.suffix](path)
+    try:
+        return open_text(path)
+    except InputError as error:
+        if path.suffix.lower() == ".gz":
+            raise
+        suffix = f'the suffix "{shown(path.suffix)}"' if path.suffix else "a name without a suffix"
+        raise InputError(
+            f"{error.problem} (it was read as text, since {suffix} says no other format)",
+            file=error.file,
+            place=error.place,
+            cure=f"{error.cure}, or save it in one of the formats that are read: {', '.join(_SUFFIXES)}",
+        ) from None
+
+
+def _of_another_format(path: Path, reader: Reader | None) -> InputError | None:
+    """The error for a file that its `reader` refused and that holds another format; None where its content is that of
+    the `reader`, or not known."""
+    kind = kind_of(path)
+    # An HDF5 file may well be MATLAB's.
+    if kind is None or (kind.suffix and (reader is None or reader in (READERS[kind.suffix], open_mat))):
+        return None
+    return InputError(
+        f"is {kind.what}{', which its suffix does not say' if kind.suffix else ''}",
         file=shown(path, 200),
-        cure=f"Save it in one of the formats that are read: {', '.join(_SUFFIXES)}",
+        cure=kind.cure or f"Rename it, so that it ends in {kind.suffix}",
     )
 
 
