@@ -122,7 +122,8 @@ def test_a_new_case_file_describes_what_was_read(files, capsys):
     assert main(["case", "new", *BOTH, *options, "--out", "case.toml"]) == 0
     text = (files / "case.toml").read_text()
     table = tomllib.loads(text)
-    assert table["plant"] == {"motor_constant": 16.0, "position_unit": "m", "input_unit": "A"}
+    # The position is in mm in the files: it is shown in that, unless the case file names a unit.
+    assert table["plant"] == {"motor_constant": 16.0, "input_unit": "A"}
     assert [one["interval"] for one in table["recording"]] == [[0.0, 2.0], [0.1, 2.3]]
     assert table["recording"][0]["columns"] == {"t": "Time [ms]", "u": "Current [A]", "x": "Position [mm]"}
     for key in (*PLANT_KEYS, *RECORDING_KEYS):

@@ -35,7 +35,10 @@ def case_options(command: argparse.ArgumentParser) -> None:
         "--inertia", type=float, metavar="J", help="known inertia or mass (default: identified)"
     )
     group.add_argument(
-        "--encoder-step", type=float, metavar="STEP", help="quantum of the position sensor, position units"
+        "--encoder-step",
+        type=float,
+        metavar="STEP",
+        help="quantum of the position sensor, position units: SI where columns say theirs",
     )
     group.add_argument(
         "--hold",
@@ -46,7 +49,8 @@ def case_options(command: argparse.ArgumentParser) -> None:
         group.add_argument(
             f"--{quantity}-unit",
             metavar="UNIT",
-            help=f"unit of {quantity} in the result, such as {_UNITS[quantity]} (default: SI, where a column says its)",
+            help=f"unit of {quantity}, such as {_UNITS[quantity]} (default: where columns say theirs, SI, and what is "
+            "read by people in that of the columns)",
         )
     group.add_argument(
         "--sample-rate", type=float, metavar="HZ", help="needed when files have no time column"

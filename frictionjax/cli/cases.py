@@ -95,9 +95,9 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
     plant = case.plant
     known = {
         "motor_constant": plant.motor_constant,
-        "position_unit": _unless(plant.position_unit, "position"),
-        "force_unit": _unless(plant.force_unit, "force"),
-        "input_unit": _unless(plant.input_unit, "input"),
+        "position_unit": _named_unit(plant.position_unit, "position", plant.position_shown),
+        "force_unit": _named_unit(plant.force_unit, "force", plant.force_shown),
+        "input_unit": _named_unit(plant.input_unit, "input", plant.input_shown),
         "encoder_step": plant.encoder_step,
         "inertia": plant.inertia,
         "hold": _unless(plant.hold, "zero"),
@@ -155,6 +155,12 @@ def _seen(case: "Case", place: int, files: int) -> tuple[str, ...]:
     if len(case.recordings) != files:
         return ()
     return audit(case.recordings[place], case.plant).sentences()
+
+
+def _named_unit(unit: str, unknown: str, shown: str) -> str | None:
+    """What a case file says of a unit; nothing where it is `unknown`, or where results are shown in that of the files,
+    which are read again."""
+    return None if shown else _unless(unit, unknown)
 
 
 def _unless(text: str, default: str) -> str | None:

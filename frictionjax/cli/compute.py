@@ -21,6 +21,7 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     from frictionjax.estimation import fit
     from frictionjax.exchange import save_fit
     from frictionjax.exchange.fit_file import fit_to_json
+    from frictionjax.report.format import shown_estimates
 
     _check_folder(arguments.out)
     case = case_of(arguments)
@@ -49,7 +50,7 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     if arguments.json:
         say_json(json.loads(fit_to_json(result)))
         return
-    say(_estimate_lines(result.parameters))
+    say(_estimate_lines(shown_estimates(result.parameters, plant)))
     say(["", result.message or "The fit converged."])
     if decides:
         gain = max(one.cost for one in results.values()) - result.cost

@@ -1,11 +1,48 @@
 """Numbers with units for sentences: SI prefixes, and as many digits as the reader needs."""
 
 import math
+from typing import NamedTuple
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 # Below this size a quantity in a sentence takes a prefix.
 _PREFIXED = {"m": 0.01, "rad": 0.01, "s": 0.0999}
 _BLURRED = 0.2  # of the distance to the next quantity: a larger rounding error calls for more digits
+_READ_WELL = (1e-2, 1e4)  # numbers that need neither a prefix nor a power of ten
+
+
+class DisplayUnit(NamedTuple):
+    """The unit in which numbers are shown, where that is not the one in which they are computed.
+
+    **Attributes:**
+
+    - `name`: as text, "deg/s".
+    - `factor`: what the numbers are multiplied by.
+    - `computed`: the unit of the numbers themselves, as text, "rad/s".
+    """
+
+    name: str
+    factor: float
+    computed: str
+
+    def suits(self, size: float) -> bool:
+        """Whether numbers of this `size`, in the computed unit, are shown in it: a decimal multiple of that, such as
+        mm, gives way to a prefix that reads better; no other unit does."""
+        power = math.log10(self.factor)
+        decimal = abs(power - round(power)) < 1e-9
+        return not decimal or not size or _READ_WELL[0] <= size * self.factor < _READ_WELL[1]
+
+
+def in_unit(unit: "str | DisplayUnit", *values: float) -> tuple[str, tuple[float, ...]]:
+    """The name of the unit in which numbers are shown, and the `values` in it.
+
+    **Arguments:**
+
+    - `unit`: of the `values`.
+    - `values`: finite or not.
+    """
+    if isinstance(unit, str):
+        return unit, values
+    return unit.name, tuple(value * unit.factor for value in values)
 
 
 def power_of_thousand(size: float) -> int:
@@ -26,20 +63,20 @@ def prefixed(size: float, unit: str, largest: int = 0) -> tuple[float, str]:
     return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 
-def neat(value: float, unit: str, step: float = math.inf) -> str:
+def neat(value: float, unit: str | DisplayUnit, step: float = math.inf) -> str:
     """A quantity in words: `neat(2e-5, "m")` is "20 µm".
 
     **Arguments:**
 
-    - `value`: in `unit`.
-    - `unit`: as text; small values of m, rad and s take a prefix.
+    - `value`: in `unit`, or in the computed unit of a `DisplayUnit`.
+    - `unit`: as text, of which small values of m, rad and s take a prefix; or one that is only shown.
     - `step`: distance to the next quantity in the text, in `unit`: the digits are enough to distinguish the two.
     """
     factor, label = _scaled(abs(value), unit)
     return f"{_digits(value * factor, step * factor)} {label}".strip()
 
 
-def span(low: float, high: float, unit: str) -> str:
+def span(low: float, high: float, unit: str | DisplayUnit) -> str:
     """A range in words: `span(0.005, 0.02, "s")` is "5 to 20 ms".
 
     **Arguments:**
@@ -73,7 +110,11 @@ def remarked(text: str, remark: str) -> str:
     return f"{text[:-1]}; {remark})" if text.endswith(")") else f"{text} ({remark})"
 
 
-def _scaled(size: float, unit: str) -> tuple[float, str]:
+def _scaled(size: float, unit: str | DisplayUnit) -> tuple[float, str]:
+    if not isinstance(unit, str):
+        if unit.suits(size):
+            return unit.factor, unit.name
+        unit = unit.computed
     if not 0.0 < size < _PREFIXED.get(unit, 0.0):
         return 1.0, unit
     return prefixed(size, unit)

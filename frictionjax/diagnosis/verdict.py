@@ -11,6 +11,7 @@ from jaxtyping import Float
 from frictionjax.core import Estimate, InputError, public_verb
 from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_row
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
+from frictionjax.core.quantities import in_unit
 from frictionjax.diagnosis.checked import Check
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
@@ -275,12 +276,11 @@ class Diagnosis(AbstractDisplayed):
             (
                 one.name,
                 "held out" if one.role == "holdout" else "fit",
-                f"{one.prediction_rmse_base:.3g}",
-                f"{one.prediction_rmse_extended:.3g}",
-                f"{one.noise_floor:.3g}",
-                self.plant.force_unit if one.drive == "motion" else self.plant.position_unit,
+                *(f"{size:.3g}" for size in sizes),
+                unit,
             )
             for one in self.recordings
+            for unit, sizes in [self._errors(one)]
         )
         fits = ("recording", "role", "error 0.1 s ahead, base", "extended", "noise floor", "unit")
         named = [
@@ -294,6 +294,11 @@ class Diagnosis(AbstractDisplayed):
         checked = () if self.check is None else self.check.sentences
         sentences = (self.summary, *checked, *some, *([f"{more} more warnings."] if more else []))
         return Display(title, sentences, (Grid(fits, errors), Grid(head, tuple(rows))))
+
+    def _errors(self, one: RecordingFit) -> tuple[str, tuple[float, ...]]:
+        """The unit in which errors of a recording are shown; those of both models and the noise floor in it."""
+        unit = self.plant.shown_force if one.drive == "motion" else self.plant.shown_position
+        return in_unit(unit, one.prediction_rmse_base, one.prediction_rmse_extended, one.noise_floor)
 
     def plot(self, **how: Any) -> Any:
         """Draw the recording that the extended model improves most, the residual force, and where the mismatch is:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core.json import plain_json
+from frictionjax.core.quantities import in_unit
 from frictionjax.recordings.recording import JITTER_TOLERANCE, Plant, Recording, Sampling
 from frictionjax.recordings.regimes import Regimes, find_regimes
 from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_grid, processing, quantum
@@ -41,7 +42,7 @@ class Audit(eqx.Module):
       None when no step is declared.
     - `processing`: `"held"`, `"interpolated"`, `"smooth"` or `""`: traces of earlier processing of x.
     - `regimes`: rest, presliding and sliding.
-    - `position_unit`: for the sentences.
+    - `position_unit`: the unit of all numbers; `position_shown`: that of the sentences, where it is another one.
     """
 
     recording: str = eqx.field(static=True)
@@ -59,6 +60,7 @@ class Audit(eqx.Module):
     processing: str = eqx.field(static=True)
     regimes: Regimes
     position_unit: str = eqx.field(static=True)
+    position_shown: str = eqx.field(static=True, default="")
 
     def to_json(self) -> dict[str, Any]:
         """The audit as plain JSON; numbers that are not finite become null."""
@@ -66,17 +68,15 @@ class Audit(eqx.Module):
 
     def sentences(self) -> tuple[str, ...]:
         """All findings of the audit as sentences, those that need attention last."""
-        unit, r = self.position_unit, self.regimes
-        grid = (
-            "x lies on no grid"
-            if self.encoder_step is None
-            else f"x lies on a grid of {self.encoder_step:.4g} {unit}"
-        )
-        speed = f", at {r.speed[0]:.3g} to {r.speed[1]:.3g} {unit}/s" if r.speed else ""
+        r = self.regimes
+        unit, (noise, *speeds) = self._shown(self.noise_std, *(r.speed or ()))
+        step = self.encoder_step
+        grid = "x lies on no grid" if step is None else f"x lies on a grid of {self._step(step)}"
+        speed = f", at {speeds[0]:.3g} to {speeds[1]:.3g} {unit}/s" if speeds else ""
         rests = f" of {min(r.rests):.2g} to {max(r.rests):.2g} s" if r.rests else ""
         return (
             f"{self.samples} samples at {self.sample_rate:.6g} Hz, {self.duration:.4g} s.",
-            f"The noise of x is {self.noise_std:.3g} {unit} (standard deviation); {grid}.",
+            f"The noise of x is {noise:.3g} {unit} (standard deviation); {grid}.",
             f"At rest {r.rest:.0%} of the time, in presliding {r.presliding:.0%}, sliding {r.sliding:.0%}{speed}; "
             f"{_count(r.reversals, 'reversal')} in sliding, {_count(len(r.rests), 'rest')}{rests}.",
             *self.concerns(),
@@ -141,22 +141,32 @@ class Audit(eqx.Module):
         )
 
     def _grid_concerns(self) -> list[str]:
-        declared, found, unit = self.declared_step, self.encoder_step, self.position_unit
+        declared, found = self.declared_step, self.encoder_step
         if declared is None or self.on_declared_grid is None:
             return []
         if found is None:
             if not self.on_declared_grid <= 0.9:
                 return []
             return [
-                f"x does not lie on the grid of the encoder step ({declared:.4g} {unit}): it was processed after "
+                f"x does not lie on the grid of the encoder step ({self._step(declared)}): it was processed after "
                 "the encoder, or the step is wrong."
             ]
         ratio = found / declared
         if abs(ratio - 1.0) < 0.01 or (ratio < 0.1 and self.on_declared_grid > 0.9):
             return []
         return [
-            f"x lies on a grid of {found:.4g} {unit}, {ratio:.3g} times the encoder step given ({declared:.4g})."
+            f"x lies on a grid of {self._step(found)}, {ratio:.3g} times the encoder step given "
+            f"({self._step(declared)})."
         ]
+
+    def _shown(self, *values: float) -> tuple[str, tuple[float, ...]]:
+        """The unit of the sentences, and positions or speeds in it."""
+        plant = Plant(position_unit=self.position_unit, position_shown=self.position_shown)
+        return in_unit(plant.shown_position, *values)
+
+    def _step(self, step: float) -> str:
+        unit, (value,) = self._shown(step)
+        return f"{value:.4g} {unit}"
 
 
 def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = None) -> Audit:
@@ -201,6 +211,7 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
             unit=plant.position_unit,
         ),
         position_unit=plant.position_unit,
+        position_shown=plant.position_shown,
     )
 
 

@@ -9,7 +9,14 @@ from typing import Any
 
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
-from frictionjax.recordings.columns import LABELS, Columns, find_columns, has_label, labelled
+from frictionjax.recordings.columns import (
+    LABELS,
+    Columns,
+    find_columns,
+    has_label,
+    labelled,
+    shown_as_read,
+)
 from frictionjax.recordings.copies import copied_from
 from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.limits import CASE_FILE, NESTING, reading
@@ -100,7 +107,8 @@ def case_from_files(
     - `motor_constant`: force or torque per input unit; absent: every force is per input unit.
     - `sample_rate`: Hz, for files without a time column.
     - `name`: the case's name; absent: that of the first file.
-    - `position_unit`, `force_unit`, `input_unit`: units, as text; absent: SI where a column has a unit, else unknown.
+    - `position_unit`, `force_unit`, `input_unit`: units, as text; absent: SI where a column has a unit, which is then
+        what it is shown in if all files have the same one; else unknown.
     - `encoder_step`: quantum of the position sensor, position units; absent: unknown.
     - `inertia`: known inertia or mass; absent: to be identified.
     - `hold`: `"zero"` (default), `"linear"` or `"auto"`: what the input does between samples.
@@ -253,6 +261,7 @@ def _build(
         recordings.append(make_recording(entry, opened[path], chosen[-1], unique, plant))
     _require_units_everywhere(given, entries, chosen)
     _require_originals(recordings, entries)
+    plant = shown_as_read(plant, given, chosen, entries)
     model = parse_model(table.get("model"), spot.source)
     case = Case(name=name, plant=plant, recordings=tuple(recordings), model=model)
     return hold_out_last_third(case) if len(recordings) == 1 else case

@@ -1,6 +1,7 @@
 """Which column of a file has which role, in which unit, and its values in the units of the case."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
@@ -19,6 +20,8 @@ from frictionjax.recordings.words import listed, nearest, shown
 
 LABELS = {"x": "position_unit", "force": "force_unit", "u": "input_unit"}
 """Role -> the field of `Plant` with its unit."""
+SHOWN = {"x": "position_shown", "force": "force_shown", "u": "input_shown"}
+"""Role -> the field of `Plant` with the unit in which it is shown."""
 
 
 class Columns(eqx.Module):
@@ -107,6 +110,35 @@ def labelled(plant: Plant, columns: Columns, entry: Entry) -> Plant:
         if not has_label(plant, role) and role in columns.units and role not in entry.scale:
             unit = parse_unit(columns.units[role])
             found[label] = unit.si if unit else columns.units[role]
+    return dataclasses.replace(plant, **found)
+
+
+def shown_as_read(plant: Plant, given: Plant, chosen: Sequence[Columns], entries: Sequence[Entry]) -> Plant:
+    """The plant that shows each quantity in the unit of its columns, where all files have the same and it is not SI.
+
+    **Arguments:**
+
+    - `plant`: with the units of all recordings.
+    - `given`: as the case describes it: a unit that it names is shown as well.
+    - `chosen`: the columns of each recording.
+    - `entries`: their keys: a column with a factor (scale) is in a unit of its own.
+
+    **Returns:** the `Plant`. Parts of a unit, as of an encoder with 4096 counts a turn, are shown in SI.
+    """
+    found = {}
+    for role, label in SHOWN.items():
+        texts = [
+            "" if role in entry.scale else columns.units.get(role, "")
+            for columns, entry in zip(chosen, entries, strict=True)
+            if role in columns.names
+        ]
+        units = [parse_unit(text) for text in texts]
+        own, first = parse_unit(getattr(plant, LABELS[role])), units[0] if units else None
+        if own is None or first is None or has_label(given, role) or first.factor == own.factor:
+            continue
+        alike = all(unit is not None and unit.factor == first.factor for unit in units)
+        if alike and not any(sign.isdigit() for sign in texts[0]):
+            found[label] = texts[0]
     return dataclasses.replace(plant, **found)
 
 

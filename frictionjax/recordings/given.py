@@ -7,10 +7,12 @@ from typing import Any, TypeGuard
 
 from frictionjax.core import InputError
 from frictionjax.recordings.case import case_from_files, load_case
+from frictionjax.recordings.columns import SHOWN
 from frictionjax.recordings.frame import Frame, is_frame, recording_from_frame, recording_from_table
 from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.readers import open_table, stem
 from frictionjax.recordings.recording import Case, Plant, Recording
+from frictionjax.recordings.schema import PLANT_KEYS
 from frictionjax.recordings.words import require_file
 
 CaseData = Case | str | Path | Recording | Frame | Sequence[str | Path] | Sequence[Recording | Frame]
@@ -74,8 +76,15 @@ def whole_recording(path: str | Path, plant: Plant | None = None) -> Recording:
 
 
 def _from_files(paths: Sequence[str | Path], plant: Plant | None) -> Case:
-    known = {} if plant is None else {f.name: getattr(plant, f.name) for f in dataclasses.fields(plant)}
-    return case_from_files(list(paths), **known)
+    if plant is None:
+        return case_from_files(list(paths))
+    case = case_from_files(list(paths), **{name: getattr(plant, name) for name in PLANT_KEYS})
+    shown = {name: getattr(plant, name) for name in SHOWN.values()}
+    return (
+        dataclasses.replace(case, plant=dataclasses.replace(case.plant, **shown))
+        if any(shown.values())
+        else case
+    )
 
 
 def _from_recordings(recordings: list[Recording], plant: Plant | None) -> Case:

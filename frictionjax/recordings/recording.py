@@ -11,7 +11,8 @@ from jaxtyping import Float
 from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, one_line, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.core.front_door import public_verb
-from frictionjax.recordings.units import turn_of
+from frictionjax.core.quantities import DisplayUnit
+from frictionjax.recordings.units import parse_unit, turn_of
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
 JITTER_TOLERANCE = 1e-3
@@ -29,6 +30,8 @@ class Plant(eqx.Module):
     - `inertia`: known inertia or mass; None when it is to be identified.
     - `hold`: what the input does between samples: `"zero"`, it is held; `"linear"`, it runs straight to the next one;
       `"auto"`, the recordings decide.
+    - `position_shown`, `force_shown`, `input_shown`: the units in which these are shown, where other ones: those of the
+      files, which were converted to SI.
     """
 
     motor_constant: float | None = eqx.field(static=True, default=None)
@@ -38,14 +41,48 @@ class Plant(eqx.Module):
     encoder_step: float | None = eqx.field(static=True, default=None)
     inertia: float | None = eqx.field(static=True, default=None)
     hold: Literal["zero", "linear", "auto"] = eqx.field(static=True, default="zero")
+    position_shown: str = eqx.field(static=True, default="")
+    force_shown: str = eqx.field(static=True, default="")
+    input_shown: str = eqx.field(static=True, default="")
 
     @property
     def turn(self) -> float:
         """A full turn in position units; 2 pi, as of rad, where the position is no angle."""
         return turn_of(self.position_unit) or 2.0 * np.pi
 
+    def displayed(self, unit: str) -> str | DisplayUnit:
+        """How numbers in a `unit` are shown: one of position, force or input, or that per s or s^2, in the unit of the
+        files; any other, of a stiffness say, as it is."""
+        own = (
+            (self.position_unit, self.position_shown),
+            (self.force_unit, self.force_shown),
+            (self.input_unit, self.input_shown),
+        )
+        for computed, shown in own:
+            rest = unit.removeprefix(computed)
+            known, wanted = parse_unit(computed), parse_unit(shown)
+            if unit.startswith(computed) and rest in ("", "/s", "/s^2") and known and wanted:
+                return DisplayUnit(f"{shown}{rest}", known.factor / wanted.factor, unit)
+        return unit
+
+    @property
+    def shown_position(self) -> str | DisplayUnit:
+        """The unit in which positions are shown."""
+        return self.displayed(self.position_unit)
+
+    @property
+    def shown_force(self) -> str | DisplayUnit:
+        """The unit in which forces are shown."""
+        return self.displayed(self.force_unit)
+
+    @property
+    def shown_input(self) -> str | DisplayUnit:
+        """The unit in which inputs are shown."""
+        return self.displayed(self.input_unit)
+
     def __repr__(self) -> str:
-        return one_line(self, *(("hold",) if self.hold == "zero" else ()))
+        plain = [name for name in ("position_shown", "force_shown", "input_shown") if not getattr(self, name)]
+        return one_line(self, *plain, *(("hold",) if self.hold == "zero" else ()))
 
 
 class Sampling(eqx.Module):

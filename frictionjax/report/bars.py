@@ -5,6 +5,7 @@ import math
 import equinox as eqx
 from markupsafe import Markup
 
+from frictionjax.core.quantities import DisplayUnit
 from frictionjax.report.format import engineering, number, quantity
 from frictionjax.report.template import fill
 
@@ -30,12 +31,12 @@ class Group(eqx.Module):
 class Bars(eqx.Module):
     """Groups of bars over one axis.
 
-    **Attributes:** `name` of the axis, `unit` of the values, as text, the `groups`, and `floor`, the value of the line
+    **Attributes:** `name` of the axis, `unit` of the values, the `groups`, and `floor`, the value of the line
     at the noise floor; not positive where there is none.
     """
 
     name: str = eqx.field(static=True)
-    unit: str = eqx.field(static=True)
+    unit: str | DisplayUnit = eqx.field(static=True)
     groups: tuple[Group, ...]
     floor: float = eqx.field(static=True)
 

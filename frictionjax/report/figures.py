@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core.quantities import DisplayUnit
 from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.recordings import Plant
 from frictionjax.report.chart import Chart, Panel, Series
@@ -76,7 +77,7 @@ def comparison(
     ]
     panels.append(Panel("error", label, tuple(middle), limits(*(factor * error for error in errors)), 130))
 
-    cause, unit = ("position", plant.position_unit) if answer == "force" else ("input", plant.input_unit)
+    cause, unit = ("position", plant.shown_position) if answer == "force" else ("input", plant.shown_input)
     imposed = (recording.x if answer == "force" else recording.u)[window]
     factor, label = engineering(unit, _size(imposed))
     lower = Series(cause, "measured", t, factor * imposed)
@@ -95,7 +96,7 @@ def residual(
     forces = [recording.residual_force[window]]
     if extended:
         forces.append(recording.residual_force_extended[window])
-    factor, label = engineering(plant.force_unit, max(_size(force) for force in forces))
+    factor, label = engineering(plant.shown_force, max(_size(force) for force in forces))
     # The band is very wide where nothing moves, so the residuals and the median band set the limits.
     quiet = 2 * float(np.median(std[np.isfinite(std)])) if np.isfinite(std).any() else 0.0
     seen = limits(*(factor * force for force in forces), factor * np.array([-quiet, quiet]))
@@ -106,11 +107,14 @@ def residual(
     return _over_time((Panel("residual force", label, tuple(series), seen, 130),), recording, window, mark)
 
 
-def answer_of(recording: RecordingFit, plant: Plant) -> tuple[str, str, Float[np.ndarray, " n"]]:
-    """The output of the model in this recording: its name, its unit, and its measured values, shape `(n,)`."""
+def answer_of(
+    recording: RecordingFit, plant: Plant
+) -> tuple[str, str | DisplayUnit, Float[np.ndarray, " n"]]:
+    """The output of the model in this recording: its name, the unit in which it is shown, and its measured values in
+    the unit of the case, shape `(n,)`."""
     if recording.drive == "motion" and recording.force is not None:
-        return "force", plant.force_unit, recording.force
-    return "position", plant.position_unit, recording.x
+        return "force", plant.shown_force, recording.force
+    return "position", plant.shown_position, recording.x
 
 
 def _over_time(

@@ -1,10 +1,11 @@
 """Numbers and units for the report: few digits, engineering prefixes, digits that match the standard error."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from frictionjax.core import Estimate
-from frictionjax.core.quantities import power_of_thousand, prefixed
+from frictionjax.core.quantities import DisplayUnit, in_unit, power_of_thousand, prefixed
+from frictionjax.recordings import Plant
 from frictionjax.recordings.words import shown
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -77,12 +78,12 @@ def p_equals(p: float) -> str:
     return f"p = {shown}" if shown[0].isdigit() else f"p {shown}"
 
 
-def engineering(unit: str, magnitude: float) -> tuple[float, str]:
+def engineering(unit: str | DisplayUnit, magnitude: float) -> tuple[float, str]:
     """The factor and the unit in which numbers of a given size read well.
 
     **Arguments:**
 
-    - `unit`: the unit of the numbers, as text.
+    - `unit`: the unit of the numbers, as text, or the one in which they are shown.
     - `magnitude`: their size, in `unit`.
 
     **Returns:**
@@ -90,6 +91,11 @@ def engineering(unit: str, magnitude: float) -> tuple[float, str]:
     `(factor, label)`: multiply by `factor` and write `label`, e.g. `(1e6, "µm")`. Units that take no SI prefix
     get a power of ten instead.
     """
+    if not isinstance(unit, str):
+        if not unit.suits(abs(magnitude)):
+            return engineering(unit.computed, magnitude)
+        factor, label = engineering(unit.name, magnitude * unit.factor)
+        return factor * unit.factor, label
     size = abs(magnitude)
     if not math.isfinite(size) or size == 0 or unit == "1":
         return 1.0, unit_text(unit)
@@ -101,18 +107,18 @@ def engineering(unit: str, magnitude: float) -> tuple[float, str]:
     return 10.0**-exponent, f"{power_of_ten(exponent)} {unit_text(unit)}".strip()
 
 
-def quantity(value: float, unit: str, digits: int = 3) -> str:
+def quantity(value: float, unit: str | DisplayUnit, digits: int = 3) -> str:
     """A number with its unit, e.g. `quantity(1.5e-7, "rad")` is "150 nrad"; a dash when it is not finite."""
     return quantities([value], unit, digits)[0]
 
 
-def quantities(values: Sequence[float], unit: str, digits: int = 3) -> list[str]:
+def quantities(values: Sequence[float], unit: str | DisplayUnit, digits: int = 3) -> list[str]:
     """Numbers that will be compared: all in the prefix that suits the largest, e.g. "1.22 µrad", "0.120 µrad".
 
     **Arguments:**
 
     - `values`: in `unit`.
-    - `unit`: as text.
+    - `unit`: as in `engineering`.
     - `digits`: significant digits.
     """
     factor, label = engineering(
@@ -122,6 +128,15 @@ def quantities(values: Sequence[float], unit: str, digits: int = 3) -> list[str]
     return [
         f"{number(v * factor, digits)}{times}{label}".strip() if math.isfinite(v) else DASH for v in values
     ]
+
+
+def shown_estimates(estimates: Mapping[str, Estimate], plant: Plant) -> dict[str, Estimate]:
+    """The `estimates` in the units in which the `plant` shows positions, forces and inputs."""
+    found = {}
+    for name, one in estimates.items():
+        unit, (value, stderr) = in_unit(plant.displayed(one.unit), one.value, one.stderr)
+        found[name] = Estimate(value, stderr, unit, one.identified)
+    return found
 
 
 def estimate_text(estimate: Estimate) -> str:

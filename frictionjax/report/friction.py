@@ -74,7 +74,7 @@ def over_velocity(diagnosis: Diagnosis, motions: Sequence[Motion], extended: boo
     low, high = np.quantile(speed, (0.002, 0.998)).tolist()
     if not 0.0 < low < high:
         return None
-    factor, label = engineering(diagnosis.plant.position_unit, high)
+    factor, label = engineering(diagnosis.plant.shown_position, high)
     edges = np.geomspace(low, high, _BINS + 1)
     panels = []
     found = {}
@@ -85,7 +85,7 @@ def over_velocity(diagnosis: Diagnosis, motions: Sequence[Motion], extended: boo
             mine = np.sign(v) == sign
             found[sign, name] = _medians(np.abs(v[mine]), sign * force[mine], edges)
     size = max((float(np.nanmax(np.abs(y))) for _, y in found.values() if np.isfinite(y).any()), default=0.0)
-    times, unit = engineering(diagnosis.plant.force_unit, size)
+    times, unit = engineering(diagnosis.plant.shown_force, size)
     for sign, direction in ((1.0, "forward"), (-1.0, "backward")):
         series = tuple(
             Series(
@@ -135,8 +135,8 @@ def over_displacement(diagnosis: Diagnosis, motions: Sequence[Motion], extended:
         end -= 1
     part = slice(int(turns[begin]), int(turns[end]) + 1)
     middle = float(np.mean(one.x[part]))
-    factor, label = engineering(diagnosis.plant.position_unit, float(np.ptp(one.x[part])))
-    times, unit = engineering(diagnosis.plant.force_unit, float(np.max(np.abs(one.measured[part]))))
+    factor, label = engineering(diagnosis.plant.shown_position, float(np.ptp(one.x[part])))
+    times, unit = engineering(diagnosis.plant.shown_force, float(np.max(np.abs(one.measured[part]))))
     step = max(1, (part.stop - part.start) // 1500)
     series = tuple(
         Series(
@@ -208,12 +208,12 @@ def _binned(
     plant = diagnosis.plant
     head, _, tail = variable.unit.partition("/")
     base = head.format(position=plant.position_unit, input=plant.input_unit)
-    factor, unit = engineering(base, max(abs(end) for end in ends))
+    factor, unit = engineering(plant.displayed(base), max(abs(end) for end in ends))
     unit = f"{unit}/{tail}" if tail else unit
     size = max((float(np.nanmax(np.abs(y))) for *_, y in lines if np.isfinite(y).any()), default=0.0)
     if size == 0.0:
         return None
-    times, force_unit = engineering(plant.force_unit, size)
+    times, force_unit = engineering(plant.shown_force, size)
     name = "friction lacking" if variable.opposing else "residual force"
     panels = []
     for sign in dict.fromkeys(line[0] for line in lines):
@@ -260,7 +260,7 @@ def _spectrum(diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool) -
     size = max((float(np.nanmax(y)) for *_, y in found if np.isfinite(y).any()), default=0.0)
     if size == 0.0:
         return None
-    times, unit = engineering(diagnosis.plant.force_unit, size)
+    times, unit = engineering(diagnosis.plant.shown_force, size)
     series = tuple(
         Series(f"{colour} model", colour, x, times * y, style="thick" if colour == "base" else "line")
         for colour, x, y in found

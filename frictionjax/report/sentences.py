@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from frictionjax.core.quantities import times
+from frictionjax.core.quantities import DisplayUnit, times
 from frictionjax.diagnosis.findings.summary import free_sentence
 from frictionjax.diagnosis.recording_fit import RecordingFit
 from frictionjax.diagnosis.verdict import Diagnosis
@@ -22,19 +22,19 @@ def improvement(diagnosis: Diagnosis) -> str:
         return ""
     on = "On the held-out recordings" if judged[0].role == "holdout" else "On the recordings"
     plant, imposed = diagnosis.plant, judged[0].drive == "motion"
-    unit = plant.force_unit if imposed else plant.position_unit
+    unit = plant.shown_force if imposed else plant.shown_position
     before, after = (_rms(judged, f"prediction_rmse_{model}") for model in ("base", "extended"))
     lacks = _lacking(judged, "base"), _lacking(judged, "extended")
     of_what = "the friction force" if imposed else "the position"
     floors = _over_noise(judged, is_extended(diagnosis))
     if not is_extended(diagnosis):
-        (error,), (force,) = quantities([before], unit, 2), quantities([lacks[0]], plant.force_unit, 2)
+        (error,), (force,) = quantities([before], unit, 2), quantities([lacks[0]], plant.shown_force, 2)
         return (
             f"{on} the base model predicts {of_what} 0.1 s ahead to {error} rms{_in_brackets(floors)}, and would need "
             f"another {force} rms of force to follow them exactly."
         )
     was, now = quantities([before, after], unit, 2)
-    force, left = quantities(lacks, plant.force_unit, 2)
+    force, left = quantities(lacks, plant.shown_force, 2)
     better = f"{times(before / after)} better" if 0 < after < before else ""
     return (
         f"{on} the model with it predicts {of_what} 0.1 s ahead to {now} rms instead of "
@@ -110,7 +110,7 @@ def remainder(diagnosis: Diagnosis) -> str:
         if left.carried_by
         else ""
     )
-    free = free_sentence(diagnosis.ceiling, diagnosis.plant.force_unit)
+    free = free_sentence(diagnosis.ceiling, diagnosis.plant.shown_force)
     carried += f" {free}" if free else ""
     share = percent(left.share)
     if diagnosis.verdict == "named":
@@ -159,7 +159,7 @@ def _most_changed(diagnosis: Diagnosis) -> str:
     if not changes:
         return ""
     name = max(changes, key=lambda one: abs(changes[one]))
-    unit = diagnosis.extended[name].unit
+    unit = diagnosis.plant.displayed(diagnosis.extended[name].unit)
     before, after = quantities([diagnosis.base[name].value, diagnosis.extended[name].value], unit)
     return f" ({words(name)} changes most, from {before} to {after})"
 
@@ -175,7 +175,7 @@ def _lacking(recordings: list[RecordingFit], model: str) -> float:
     return math.nan if None in found else math.sqrt(float(np.mean([one.force**2 for one in found])))
 
 
-def force_lacking(recording: RecordingFit, unit: str, extended: bool) -> tuple[str, str | None]:
+def force_lacking(recording: RecordingFit, unit: str | DisplayUnit, extended: bool) -> tuple[str, str | None]:
     """The force that base and extended model lack in one recording, root mean square, as text in the force `unit`."""
     before, after = quantities([_lacking([recording], model) for model in ("base", "extended")], unit, 2)
     return before, after if extended else None

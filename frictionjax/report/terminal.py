@@ -3,6 +3,7 @@
 from typing import Any
 
 from frictionjax.core import Estimate
+from frictionjax.core.quantities import in_unit
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.report.series import is_extended
 
@@ -27,13 +28,15 @@ def summary_lines(diagnosis: Diagnosis) -> list[str]:
     lines += ["", f"Prediction error on held-out recordings (rms, 0.1 s ahead), {models}:"]
     width = max(len(recording.name) for recording in held_out)
     for recording in held_out:
-        unit = diagnosis.plant.force_unit if recording.drive == "motion" else diagnosis.plant.position_unit
-        change = f"{recording.prediction_rmse_base:.3g}"
-        if extended:
-            change += f" -> {recording.prediction_rmse_extended:.3g}"
-        lines.append(
-            f"  {recording.name:<{width}}  {change} {unit}  (noise floor {recording.noise_floor:.3g})"
+        plant = diagnosis.plant
+        unit, (base, after, floor) = in_unit(
+            plant.shown_force if recording.drive == "motion" else plant.shown_position,
+            recording.prediction_rmse_base,
+            recording.prediction_rmse_extended,
+            recording.noise_floor,
         )
+        change = f"{base:.3g} -> {after:.3g}" if extended else f"{base:.3g}"
+        lines.append(f"  {recording.name:<{width}}  {change} {unit}  (noise floor {floor:.3g})")
     return lines
 
 

@@ -69,7 +69,7 @@ def test_a_column_that_cannot_be_read_is_named(change, words):
 
 
 def test_a_missing_column_is_named_with_those_that_are_there():
-    with pytest.raises(fj.InputError, match=r"there is no column `x`.*the file has: t, u"):
+    with pytest.raises(fj.InputError, match=r"there is no column `x`.*t=t u=u x=FILL_IN"):
         recording_from_frame({"t": T, "u": COLUMNS["u"]})
 
 

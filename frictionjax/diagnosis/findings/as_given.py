@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from frictionjax.core.quantities import in_unit
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.views import Given, View, view
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
@@ -163,27 +164,29 @@ def _sentence(
     judged = [fit for fit in own if fit.role == "holdout"] or own
     on = "held-out recordings" if judged[0].role == "holdout" else "fitted recordings"
     imposed = judged[0].drive == "motion"
-    unit = plant.force_unit if imposed else plant.position_unit
+    unit = plant.shown_force if imposed else plant.shown_position
     subject = "simulation as given (column `simulated`)" if source == "column" else "model as given"
     models: tuple[Model, ...] = ("base", "extended") if extended else ("base",)
 
+    def said(size: float) -> str:
+        return f"{in_unit(unit, size)[1][0]:.3g}"
+
     def free(model: Model) -> str:
-        return f"{_rms([getattr(fit, f'free_run_rmse_{model}') for fit in judged]):.3g}"
+        return said(_rms([getattr(fit, f"free_run_rmse_{model}") for fit in judged]))
 
     def moves_by(model: Model) -> str:
-        return f"{_rms([getattr(fit, f'increment_rmse_{model}') for fit in judged]):.3g}"
+        return said(_rms([getattr(fit, f"increment_rmse_{model}") for fit in judged]))
 
     others = " and ".join(f"the {model} model by {free(model)}" for model in models)
     text = (
         f"On the {on} your {subject} misses the measured {'force' if imposed else 'position'} by "
-        f"{free('given')} {unit} rms in a free run, {others}"
+        f"{free('given')} {in_unit(unit)[0]} rms in a free run, {others}"
     )
     if not imposed:
         others = " and ".join(f"the {model} model by {moves_by(model)}" for model in models)
         text += f"; the motion of each 0.1 s it misses by {moves_by('given')}, {others}"
-    text += (
-        f". Most of that is a constant offset of {offset:.3g} {unit}" if (offset := _offset(judged)) else ""
-    )
+    if offset := _offset(judged):
+        text += f". Most of that is a constant offset of {said(offset)} {in_unit(unit)[0]}"
     return f"{text}. It misses in: {where}." if where else f"{text}."
 
 

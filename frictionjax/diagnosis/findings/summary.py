@@ -1,5 +1,8 @@
 """The verdict in plain words."""
 
+import math
+
+from frictionjax.core.quantities import DisplayUnit, in_unit
 from frictionjax.diagnosis.recording_fit import RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import Ceiling, MissingEffect, SimulationAsGiven, Unexplained
@@ -12,10 +15,10 @@ def summary_sentence(
     where: str,
     fits: tuple[RecordingFit, ...],
     unmeasured: Unmeasured | None = None,
-    unit: str = "",
+    unit: str | DisplayUnit = "",
     ceiling: Ceiling | None = None,
     *,
-    position_unit: str = "",
+    position_unit: str | DisplayUnit = "",
     given: SimulationAsGiven | None = None,
     rule: Rule = Rule(),
 ) -> str:
@@ -47,16 +50,17 @@ def _verdict_sentence(
     where: str,
     fits: tuple[RecordingFit, ...],
     unmeasured: Unmeasured | None,
-    unit: str,
+    unit: str | DisplayUnit,
     ceiling: Ceiling | None,
-    position_unit: str,
+    position_unit: str | DisplayUnit,
     rule: Rule,
 ) -> str:
     if verdict == "adequate":
         if unmeasured is not None and unmeasured.of_applied > rule.limits.unmeasured:
+            name, (force,) = in_unit(unit, unmeasured.force)
             return (
                 "No effect of the catalogue is significant, but beside the base model the recordings need an "
-                f"unmeasured force of {unmeasured.force:.2g} {unit} rms "
+                f"unmeasured force of {force:.2g} {name} rms "
                 f"({100 * unmeasured.of_coulomb:.2g} % of Coulomb friction, "
                 f"{100 * unmeasured.of_applied:.2g} % of the applied force), and nothing here explains that."
             )
@@ -77,13 +81,14 @@ def _verdict_sentence(
     return f"{text} {free_sentence(ceiling, unit)}".strip()
 
 
-def free_sentence(ceiling: Ceiling | None, unit: str) -> str:
+def free_sentence(ceiling: Ceiling | None, unit: str | DisplayUnit) -> str:
     """What a free force explains, in the force `unit`; empty where the `ceiling` is not above the model."""
     if ceiling is None or not ceiling.above:
         return ""
+    name, (force,) = in_unit(unit, ceiling.force)
     return (
         f"A force that is free in {ceiling.variable} predicts the held-out recordings significantly better: it is "
-        f"{ceiling.force:.2g} {unit} rms ({100 * ceiling.of_coulomb:.2g} % of Coulomb friction, "
+        f"{force:.2g} {name} rms ({100 * ceiling.of_coulomb:.2g} % of Coulomb friction, "
         f"{100 * ceiling.of_applied:.2g} % of the applied force) and removes {100 * ceiling.share_holdout:.0f} % of "
         "the misfit that is left there."
     )
@@ -104,22 +109,27 @@ def _named(effect: MissingEffect) -> str:
     return text
 
 
-def _held_out(fits: tuple[RecordingFit, ...], force_unit: str, position_unit: str) -> str:
+def _held_out(
+    fits: tuple[RecordingFit, ...], force_unit: str | DisplayUnit, position_unit: str | DisplayUnit
+) -> str:
     held_out = [fit for fit in fits if fit.role == "holdout"]
     if not held_out:
         return ""
     best = max(held_out, key=lambda f: f.prediction_rmse_base / max(f.prediction_rmse_extended, 1e-300))
-    unit = force_unit if best.drive == "motion" else position_unit
+    given = best.prediction_rmse_given
+    unit, (base, extended, noise, own) = in_unit(
+        force_unit if best.drive == "motion" else position_unit,
+        best.prediction_rmse_base,
+        best.prediction_rmse_extended,
+        best.noise_floor,
+        math.nan if given is None else given,
+    )
     verb = (
         "falls" if best.prediction_rmse_extended < best.prediction_rmse_base else "does not fall: it changes"
     )
     return (
         f"On the held-out recording {best.name} the prediction error 0.1 s ahead {verb} from "
-        f"{best.prediction_rmse_base:.3g} to {best.prediction_rmse_extended:.3g} {unit}".rstrip()
-        + f" (noise {best.noise_floor:.2g})"
-        + (
-            "."
-            if best.prediction_rmse_given is None
-            else f"; with your model as given it is {best.prediction_rmse_given:.3g}."
-        )
+        f"{base:.3g} to {extended:.3g} {unit}".rstrip()
+        + f" (noise {noise:.2g})"
+        + ("." if given is None else f"; with your model as given it is {own:.3g}.")
     )

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float, Int
 
-from frictionjax.core.quantities import neat, one_two_five, span
+from frictionjax.core.quantities import DisplayUnit, neat, one_two_five, span
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.mismatch_map.history import last_rest, since_reversal
 from frictionjax.physics import Drive
@@ -142,22 +142,26 @@ def _direction(motion: Motion, slow: Float[np.ndarray, "r 1"]) -> Axis:
 
 def _velocity(motion: Motion, top: float, plant: Plant) -> Axis:
     edges = top * np.array([0.0, 0.001, 0.01, 0.03, 0.1, 0.3, np.inf])
-    return _along("velocity", np.abs(motion.v), edges, f"{plant.position_unit}/s", "|v|")
+    return _along("velocity", np.abs(motion.v), edges, plant.displayed(f"{plant.position_unit}/s"), "|v|")
 
 
 def _position(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     places = np.linspace(float(motion.x[valid].min()), float(motion.x[valid].max()), 9)
-    return _along("position", motion.x, places, plant.position_unit, "x")
+    return _along("position", motion.x, places, plant.shown_position, "x")
 
 
 def _input(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
     effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
     effort[0], effort[-1] = 0.0, np.inf
-    return _along("input", np.abs(motion.u), np.unique(effort), plant.input_unit, "|u|")
+    return _along("input", np.abs(motion.u), np.unique(effort), plant.shown_input, "|u|")
 
 
 def _along(
-    name: str, values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str, symbol: str
+    name: str,
+    values: Float[np.ndarray, "r n"],
+    edges: Float[np.ndarray, " k"],
+    unit: str | DisplayUnit,
+    symbol: str,
 ) -> Axis:
     """An axis along the `values` of a quantity with this `symbol`."""
     # The outermost bins include everything beyond their edges: the largest position itself, and samples not scored.
@@ -199,10 +203,10 @@ def _since_reversal(
     reach = max(float(np.ptp(x[:length])) for x, length in zip(motion.x, scene.batch.lengths, strict=True))
     distances = np.array([0.0, *dict.fromkeys(edge for edge in edges if edge < reach), np.inf])
     time, distance = np.stack([one[0] for one in since]), np.stack([one[1] for one in since])
-    return _after(time, np.array(_TIMES), "s"), _after(distance, distances, plant.position_unit)
+    return _after(time, np.array(_TIMES), "s"), _after(distance, distances, plant.shown_position)
 
 
-def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str) -> Axis:
+def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str | DisplayUnit) -> Axis:
     labels, phrases = [], []
     for low, high in itertools.pairwise(edges.tolist()):
         if low == 0.0 and np.isfinite(high):

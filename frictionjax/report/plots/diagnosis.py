@@ -86,7 +86,7 @@ def _forces(panel: Axes, diagnosis: Diagnosis, recording: RecordingFit, extended
     if extended:
         forces.append((recording.residual_force_extended[window], EXTENDED))
     largest = max(float(np.nanmax(np.abs(force), initial=0.0)) for force, _ in forces)
-    factor, label = engineering(diagnosis.plant.force_unit, largest)
+    factor, label = engineering(diagnosis.plant.shown_force, largest)
     band(panel, t, 2.0 * factor * std)
     for force, colour in forces:
         line(panel, t, factor * force, colour)

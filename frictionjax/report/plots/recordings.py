@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from frictionjax.core import InputError
+from frictionjax.core.quantities import DisplayUnit
 from frictionjax.recordings import Case, Plant, Recording
 from frictionjax.recordings.words import shown
 from frictionjax.report.canvas import BASE, MEASURED, line
@@ -43,7 +44,7 @@ def draw_recording(recording: Recording, place: Place, units: Mapping[str, str] 
         values = getattr(recording, name)
         if values is not None and panel in panels:
             of = next(row for row in rows if row[0] == panel)
-            factor, _ = engineering(of[2], _span(of[3]))
+            factor, _ = engineering(_displayed(recording, of[2]), _span(of[3]))
             line(panels[panel], np.asarray(recording.t), factor * np.asarray(values), colour, dashed=True)
             panels[panel].lines[0].set_label("measured")
             panels[panel].lines[-1].set_label(name)
@@ -100,9 +101,14 @@ def _channels(
 
 
 def _curve(panel: Axes, recording: Recording, words: str, unit: str, values: Float[np.ndarray, " n"]) -> None:
-    factor, label = engineering(unit, _span(values))
+    factor, label = engineering(_displayed(recording, unit), _span(values))
     line(panel, np.asarray(recording.t), factor * np.asarray(values), MEASURED, width=0.8)
     panel.set_ylabel(labelled(words, label))
+
+
+def _displayed(recording: Recording, unit: str) -> str | DisplayUnit:
+    """What a `unit` of the `recording` is shown in: that of its file, where it was converted."""
+    return unit if recording.plant is None else recording.plant.displayed(unit)
 
 
 def _span(values: Float[np.ndarray, " n"]) -> float:

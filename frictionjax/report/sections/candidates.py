@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis
 from frictionjax.physics.effects import catalogue
+from frictionjax.recordings import Plant
 from frictionjax.report.format import DASH, p_value, percent, quantity, words
 from frictionjax.report.html import Cell, table
 from frictionjax.report.sections.base import AbstractSection
@@ -32,7 +33,10 @@ class Candidates(AbstractSection):
         named = {found.effect for found in diagnosis.missing}
         alike = {name for found in diagnosis.missing for name in found.effect_class} - named
         meanings = {name: forms[0].about.sentence for name, forms in catalogue().items()}
-        rows = [_row(candidate, meanings.get(candidate.effect, ""), named, alike) for candidate in candidates]
+        rows = [
+            _row(candidate, diagnosis.plant, meanings.get(candidate.effect, ""), named, alike)
+            for candidate in candidates
+        ]
         classes = ["named" if c.effect in named else "" if c.tested else "untested" for c in candidates]
         return fill("prose.html.j2", sentences=[Markup(_INTRO)], below=table(_HEAD, rows, classes=classes))
 
@@ -42,7 +46,9 @@ def _order(candidate: Candidate) -> tuple[bool, float, str]:
     return not candidate.tested, p, candidate.effect
 
 
-def _row(candidate: Candidate, meaning: str, named: set[str], alike: set[str]) -> tuple[Cell, ...]:
+def _row(
+    candidate: Candidate, plant: Plant, meaning: str, named: set[str], alike: set[str]
+) -> tuple[Cell, ...]:
     tag = ""
     if candidate.effect in named:
         tag = "named"
@@ -55,14 +61,17 @@ def _row(candidate: Candidate, meaning: str, named: set[str], alike: set[str]) -
     return (
         Markup("{}{}{}").format(words(candidate.effect), mark, small),
         p_value(candidate.p_value),
-        _sizes(candidate.one_step, candidate.units),
+        _sizes(candidate.one_step, candidate.units, plant),
         percent(candidate.gain_fit),
         percent(candidate.gain_holdout),
-        _sizes(candidate.minimum_detectable, candidate.units),
+        _sizes(candidate.minimum_detectable, candidate.units, plant),
         candidate.reason,
     )
 
 
-def _sizes(sizes: dict[str, float], units: dict[str, str]) -> Cell:
-    lines = [f"{words(name)} {quantity(size, units.get(name, '1'))}" for name, size in sizes.items()]
+def _sizes(sizes: dict[str, float], units: dict[str, str], plant: Plant) -> Cell:
+    lines = [
+        f"{words(name)} {quantity(size, plant.displayed(units.get(name, '1')))}"
+        for name, size in sizes.items()
+    ]
     return Markup("<br>").join(lines) or DASH

@@ -43,7 +43,7 @@ class Ceilings(AbstractSection):
         if ceiling is None or not any(one.recording in fits for one in ceiling.recordings):
             return Markup("")
         last = "extended" if extended else "base"
-        said = free_sentence(ceiling, diagnosis.plant.force_unit) or _NOT_ABOVE.format(last)
+        said = free_sentence(ceiling, diagnosis.plant.shown_force) or _NOT_ABOVE.format(last)
         drawn = [(one, fits[one.recording]) for one in ceiling.recordings if one.recording in fits][:MOST]
         pictures = [
             figure(lambda one=one, fit=fit: bars_of(one, fit, diagnosis, extended), _CAPTION.format(fit.name))

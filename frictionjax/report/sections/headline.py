@@ -79,5 +79,5 @@ def _card(recording: RecordingFit, diagnosis: Diagnosis, extended: bool) -> dict
         "errors": pair(before, now if extended else None),
         "scale": gauge(base, after if extended else None, floor=floor, **ends),
         "remarks": ", ".join(remarks),
-        "force": pair(*force_lacking(recording, diagnosis.plant.force_unit, extended)),
+        "force": pair(*force_lacking(recording, diagnosis.plant.shown_force, extended)),
     }

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 from markupsafe import Markup
 
+from frictionjax.core.quantities import DisplayUnit
 from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Plant
@@ -66,7 +67,7 @@ def _row(
         row += [*(own[:1] or ["–"]), *(middle.get(seconds, "–") for seconds in between), *(own[-1:] or ["–"])]
     base, after = recording.unmeasured_base, recording.unmeasured_extended
     if base is not None and after is not None:
-        forces = quantities([base.force, after.force], plant.force_unit)
+        forces = quantities([base.force, after.force], plant.shown_force)
         parts = (percent(base.of_applied), percent(after.of_applied))
         row += [pair(first, then if extended else None) for first, then in (forces, parts)]
     elif lacking:
@@ -79,6 +80,6 @@ def _seconds(horizon: Horizon) -> float:
     return round(horizon.seconds, 2)
 
 
-def _change(horizon: Horizon, unit: str, extended: bool) -> Markup:
+def _change(horizon: Horizon, unit: str | DisplayUnit, extended: bool) -> Markup:
     base, now, still = quantities([horizon.base, horizon.extended, horizon.standstill], unit)
     return pair(base, now if extended else None) + Markup('<br><span class="still">({})</span>').format(still)

@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 from markupsafe import Markup
 
 from frictionjax.diagnosis.verdict import Diagnosis, MissingEffect
-from frictionjax.report.format import estimate_text, p_equals, percent, unit_text, words
+from frictionjax.recordings import Plant
+from frictionjax.report.format import estimate_text, p_equals, percent, shown_estimates, unit_text, words
 from frictionjax.report.meanings import form_of, meaning_of, with_amplitudes
 from frictionjax.report.sections.base import AbstractSection
 from frictionjax.report.sentences import remainder
@@ -30,15 +31,15 @@ class Missing(AbstractSection):
         several = len(missing) > 1
         places = [f"Where the base model fails: {found.where}." for found in missing if found.where]
         intro = [_SEVERAL] if several else places
-        cards = [_card(found, several=several) for found in missing]
+        cards = [_card(found, diagnosis.plant, several=several) for found in missing]
         return fill("missing.html.j2", intro=intro, cards=cards, remainder=rest)
 
 
-def _card(found: MissingEffect, *, several: bool) -> dict[str, Any]:
+def _card(found: MissingEffect, plant: Plant, *, several: bool) -> dict[str, Any]:
     """The card of an effect; where it acts only if it is one of `several`, as the mismatch of the base model is where a
     single one does."""
     facts = [("errors that it explains", found.where)] if several and found.where else []
-    for name, size in with_amplitudes(found.parameters).items():
+    for name, size in with_amplitudes(shown_estimates(found.parameters, plant)).items():
         value = f"{estimate_text(size)} {unit_text(size.unit)}".strip()
         meaning = meaning_of(f"{found.effect}.{name}")
         facts.append((words(name), f"{value} ({meaning})" if meaning else value))

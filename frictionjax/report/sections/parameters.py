@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.verdict import Diagnosis
-from frictionjax.report.format import DASH, estimate_text, number, percent, unit_text, words
+from frictionjax.report.format import DASH, estimate_text, number, percent, shown_estimates, unit_text, words
 from frictionjax.report.html import Cell, table
 from frictionjax.report.meanings import meaning_of, with_amplitudes
 from frictionjax.report.sections.base import AbstractSection
@@ -25,7 +25,10 @@ class Parameters(AbstractSection):
         if not diagnosis.base and not diagnosis.extended:
             return Markup("")
         extended = is_extended(diagnosis) or diagnosis.extended != diagnosis.base
-        before, after = with_amplitudes(diagnosis.base), with_amplitudes(diagnosis.extended)
+        before, after = (
+            with_amplitudes(shown_estimates(model, diagnosis.plant))
+            for model in (diagnosis.base, diagnosis.extended)
+        )
         names = [*before, *(name for name in after if name not in before)]
         rows = [_row(name, before.get(name), after.get(name), extended) for name in names]
         head = ["parameter", "unit", "base model"]

@@ -53,7 +53,7 @@ def _plant(plant: Plant) -> str:
     )
     facts = [f"motor constant {constant}"]
     if plant.encoder_step is not None:
-        facts.append(f"encoder step {quantity(plant.encoder_step, plant.position_unit)}")
+        facts.append(f"encoder step {quantity(plant.encoder_step, plant.shown_position)}")
     facts.append("inertia identified" if plant.inertia is None else f"inertia known, {number(plant.inertia)}")
     return "; ".join(facts)
 
@@ -68,7 +68,7 @@ def _recording(recording: RecordingFit, plant: Plant) -> tuple[str, ...]:
         str(t.size),
         f"{1 / step:.6g} Hz" if step > 0 else DASH,
         f"{number(step * t.size)} s",
-        quantity(float(np.sqrt(np.mean(np.square(u)))), plant.input_unit),
-        quantity(float(np.max(np.abs(u))), plant.input_unit),
-        quantity(float(np.ptp(x)), plant.position_unit),
+        quantity(float(np.sqrt(np.mean(np.square(u)))), plant.shown_input),
+        quantity(float(np.max(np.abs(u))), plant.shown_input),
+        quantity(float(np.ptp(x)), plant.shown_position),
     )
