@@ -43,9 +43,9 @@ class RigidBodyFit(AbstractDisplayed):
     stderr: Float[np.ndarray, " b"]
     determined: Bool[np.ndarray, " b"]
     logs: tuple[ArmLog, ...]
-    positions: tuple[Float[np.ndarray, "n j"], ...]
-    torques: tuple[Float[np.ndarray, "n j"], ...]
-    given: tuple[Float[np.ndarray, "n j"], ...]
+    positions: tuple[Float[np.ndarray, "_ j"], ...]
+    torques: tuple[Float[np.ndarray, "_ j"], ...]
+    given: tuple[Float[np.ndarray, "_ j"], ...]
 
     @property
     def parameters(self) -> dict[str, Estimate]:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     # Their operators mix, which a checker that knows one type for each cannot follow.
     Numbers = Any
 else:
-    Numbers = Array | np.ndarray
-    """An array of either library."""
+    Numbers = Array | np.ndarray | np.generic
+    """An array of either library; NumPy's arithmetic makes a scalar of its own of one without axes."""
 
 
 def numpy_or_jax(*trees: PyTree) -> ModuleType:

@@ -17,7 +17,7 @@ PAUSE = 10.0  # s between recordings, for the clock that they share
 
 def _run(
     arm: Arm, experiments: tuple[Experiment, ...], rng: np.random.Generator
-) -> list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]:
+) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
     """Voltage and measured position of each experiment; all are run side by side and cut to their own lengths."""
     n = max(e.signal.size for e in experiments)
     closed = np.array([e.loop == "closed" for e in experiments])

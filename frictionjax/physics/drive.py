@@ -178,7 +178,7 @@ class Drive(eqx.Module):
                 level = jnp.maximum(effect.level(level, self.friction, own), _LEAST_LEVEL * self.friction.Fc)
         return level
 
-    def spring_force(self, z: Float[Array, ""]) -> Float[Array, ""]:
+    def spring_force(self, z: Float[Array, "*d"]) -> Float[Array, "*d"]:
         """Force of LuGre's bristle at deflection `z`, as if it carried all the stiffness: sigma0 z as modified by
         effects."""
         force = self.friction.sigma0 * z
@@ -197,7 +197,7 @@ class Drive(eqx.Module):
         """Whether such an effect may make the slip rise more steeply than LuGre's."""
         return any(isinstance(effect, AbstractSlipEffect) and effect.steep for effect in self.effects)
 
-    def slip(self, bend: Float[Array, ""], v: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], v: Float[Array, "*d"]) -> Float[Array, "*d"]:
         """Slip velocity of LuGre's bristle over |v|: `bend`, its force over the level, as modified by effects when it
         slips with `v`."""
         for effect in self.effects:

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
@@ -46,7 +47,7 @@ class LuGre(eqx.Module):
         Parameter("vs", "{position}/s", "Stribeck velocity", "log"),
     )
 
-    def level(self, v: Float[Array, "..."] | float) -> Float[Array, "..."]:
+    def level(self, v: Float[Array | np.ndarray, "..."] | float) -> Float[Array, "..."]:
         """Steady-state friction level G(v) without viscous part, force; even in the velocity `v` (position/s)."""
         ratio = v * (1.0 / self.vs)
         return self.Fc + (self.Fs - self.Fc) * jnp.exp(-ratio * ratio)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from frictionjax.core import Parameter
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.safe import real
 from frictionjax.physics.effects.base import (
     About,
@@ -64,7 +65,7 @@ class AbstractMap(AbstractEffect):
     middle: Float[Array, "..."] = eqx.field(converter=real, default=0.0)
     half: Float[Array, "..."] = eqx.field(converter=real, default=1.0)
 
-    def at(self, variable: Float[Array, "..."]) -> Float[Array, "..."]:
+    def at(self, variable: Float[Numbers, "..."]) -> Float[Array, "..."]:
         """Height at `variable`."""
         place = (variable - self.middle) / self.half
         place = 0.5 * (KNOTS - 1) * (jnp.clip(place, -1.0, 1.0) + 1.0)

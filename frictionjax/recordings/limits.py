@@ -5,10 +5,9 @@ import gzip
 import io
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -92,22 +91,22 @@ def content(path: Path) -> bytes:
     """
     file = shown(path, 200)
     with path.open("rb") as stream:
-        data = bounded(stream, file)
+        data = bounded(stream.read, file)
     if data[:2] != b"\x1f\x8b":
         return data
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-            return bounded(packed, file)
+            return bounded(packed.read, file)
     except (gzip.BadGzipFile, EOFError, zlib.error):
         raise InputError("the gzip file is damaged or cut short", file=file, cure="Pack it again") from None
 
 
-def bounded(stream: IO[bytes] | gzip.GzipFile, file: str) -> bytes:
-    """All bytes of a `stream` that belongs to the `file`.
+def bounded(read: Callable[[int], bytes], file: str) -> bytes:
+    """All bytes of a stream that belongs to the `file`: `read` returns so many of them, or what there is.
 
     **Raises:** `InputError` for more than the limit.
     """
-    data = stream.read(most_bytes() + 1)
+    data = read(most_bytes() + 1)
     if len(data) > most_bytes():
         raise too_large(file, "its content")
     return data

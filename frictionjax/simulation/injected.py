@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from frictionjax.core import Parameter
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.safe import sign
 from frictionjax.physics import Drive, LuGre, Push, mean_of
 from frictionjax.physics.effects import (
@@ -86,10 +87,10 @@ class Injection(
     def level(self, level: Float[Array, ""], friction: LuGre, now: Now) -> Float[Array, ""]:
         return level * self.level_factor
 
-    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+    def spring(self, force: Float[Array, "*d"], friction: LuGre, z: Float[Array, "*d"]) -> Float[Array, "*d"]:
         return force + self.bristle_force
 
-    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], direction: Float[Array, "*d"]) -> Float[Array, "*d"]:
         return bend + self.slip_change
 
     def damping(self, friction: LuGre, v: Float[Array, ""]) -> Float[Array, ""]:
@@ -115,8 +116,8 @@ class Signals(eqx.Module):
     """An effect along one recording: its signals, `slots`, of shape `(n,)`; and to which of the terms each of them
     belongs, `places`, shape `(parts, slots)`, of zeros and ones. Most effects have one."""
 
-    slots: tuple[Float[Array, "*n"], ...]
-    places: Float[Array, "parts slots"]
+    slots: tuple[Float[Numbers, "*n"], ...]
+    places: Float[Numbers, "*k parts slots"]
 
     def parts(self, here: tuple[Float[Array, ""], ...]) -> dict[str, Float[Array, ""]]:
         """Every term by name, for the values `here` of the slots."""
@@ -141,7 +142,7 @@ def force_signals(force: Float[np.ndarray, "k w n"]) -> Signals:
     places = np.zeros((len(_NEUTRAL), _SLOTS))
     places[list(_NEUTRAL).index("opposing"), 0] = 1.0
     empty = [np.zeros_like(force)] * (_SLOTS - 1)
-    return Signals((force, *empty), np.broadcast_to(places, (*force.shape[:2], *places.shape)))  # type: ignore[arg-type]
+    return Signals((force, *empty), np.broadcast_to(places, (*force.shape[:2], *places.shape)))
 
 
 class Along(eqx.Module):

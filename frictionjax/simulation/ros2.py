@@ -47,7 +47,7 @@ class State(eqx.Module):
     hidden: Float[Array, "*d m"] = eqx.field(default_factory=lambda: jnp.zeros(0))
 
     @property
-    def z(self) -> Float[Array, "*d n+1"]:
+    def z(self) -> Float[Array, "*d bristles"]:
         """Deflection of every bristle element, LuGre's first, position units."""
         return jnp.concatenate([self.bristle[..., None], self.elements], axis=-1)
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -34,7 +34,7 @@ class Axis:
     """
 
     name: str
-    values: tuple[Any, ...] = ()
+    values: Sequence[Any] | np.ndarray = ()
     low: float | None = None
     high: float | None = None
     scale: Scale = "linear"
@@ -139,6 +139,6 @@ def _kind(value: Any) -> type | None:
     return float if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def _array(values: tuple[Any, ...]) -> Shaped[np.ndarray, " k"]:
+def _array(values: Sequence[Any] | np.ndarray) -> Shaped[np.ndarray, " k"]:
     """Whole numbers stay whole; texts become objects, which no array cuts short."""
     return np.array(values, dtype=object) if isinstance(values[0], str) else np.array(values)

@@ -60,7 +60,7 @@ class AbstractTable(abc.ABC):
         """The values of the cases at `places`, shape `(n,)`."""
 
     @abc.abstractmethod
-    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " k"]]]:
+    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " _"]]]:
         """Name -> (dimension, values) of what labels the result."""
 
 
@@ -107,7 +107,7 @@ class Factorial(AbstractDesign):
 class GridTable(AbstractTable):
     """The combinations of `levels`, (name, values) of each axis, with so many `repeats`."""
 
-    levels: tuple[tuple[str, Shaped[np.ndarray, " k"]], ...]
+    levels: tuple[tuple[str, Shaped[np.ndarray, " _"]], ...]
     repeats: int
 
     def take(self, places: Int[np.ndarray, " n"]) -> Columns:
@@ -116,7 +116,7 @@ class GridTable(AbstractTable):
         index = np.unravel_index(places, shape)
         return {name: values[index[k]] for k, (name, values) in enumerate(self.levels)}
 
-    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " k"]]]:
+    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " _"]]]:
         """The values of each axis, and the number of each repeat."""
         return {name: (name, values) for name, values in self.levels} | {
             "repeat": ("repeat", np.arange(self.repeats))
@@ -133,7 +133,7 @@ class CaseTable(AbstractTable):
         """The values at `places`, shape `(n,)`."""
         return {name: column[places] for name, column in self.values.items()}
 
-    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " k"]]]:
+    def coordinates(self) -> dict[str, tuple[str, Shaped[np.ndarray, " _"]]]:
         """The number of each case, and its values."""
         count = len(next(iter(self.values.values())))
         return {"case": ("case", np.arange(count))} | {

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED as FIRST
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Int
@@ -31,6 +31,7 @@ _WAIT = 0.5  # s between two looks at an executor
 _UNKNOWN = 64  # chunks that an executor of unknown size is given at once
 
 
+@runtime_checkable
 class Submits(Protocol):
     """What is asked of an executor: `submit(function, argument)` returns a future with `done`, `result`, `exception`
     and `cancel`."""

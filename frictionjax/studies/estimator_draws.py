@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.core.compile_time import CompileClock
 from frictionjax.excitation import prbs, ramp
 from frictionjax.frequency import estimate_frf
@@ -26,7 +27,7 @@ START_SPREAD = 0.1  # starts lie this far from the truth, as a logarithm, at mos
 BREAKAWAY_STEPS, JOINT_STEPS = 5, 4
 
 
-Lanes = Mapping[str, Float[Array, "lanes ..."]]
+Lanes = Mapping[str, Float[Numbers, "lanes ..."]]
 """What `draw` makes, by name: one row for each draw."""
 
 

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from frictionjax.core.arrays import Numbers
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation.fixed import initial_state
 from frictionjax.simulation.ros2 import State, advance
@@ -100,7 +101,7 @@ def equations(
 
 
 def fit_positions(
-    theta: Float[Array, "lanes 7"], records: Sequence[Records], relative: Sequence[float]
+    theta: Float[Numbers, "lanes 7"], records: Sequence[Records], relative: Sequence[float]
 ) -> Fitted:
     """Least squares from `theta` on all `records` together, one step for each entry of `relative`.
 

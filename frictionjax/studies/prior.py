@@ -170,7 +170,7 @@ FAMILIES: dict[str, Callable[[Drive, np.random.Generator, float], Conditions]] =
 
 
 def _measured(
-    inputs: dict[str, Float[np.ndarray, " n"]],
+    inputs: dict[str, Float[np.ndarray, " _"]],
     held_out: tuple[str, ...],
     rate: float,
     force: float,

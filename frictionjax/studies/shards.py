@@ -37,7 +37,7 @@ class Shard(NamedTuple):
         return sum(reason != "" for reason in self.outcome.reasons)
 
 
-def shard_of(places: list[Int[np.ndarray, " n"]], outcomes: list[Outcome]) -> Shard:
+def shard_of(places: list[Int[np.ndarray, " _"]], outcomes: list[Outcome]) -> Shard:
     """The shard of several blocks: the `places` and the `outcomes` of each."""
     values = joined([one.values for one in outcomes], [len(own) for own in places])
     return Shard(np.concatenate(places), Outcome(values, [r for one in outcomes for r in one.reasons]))
@@ -103,7 +103,7 @@ def read_shards(folder: Path) -> Iterator[Shard]:
     return (read_shard(path) for path in shard_files(folder))
 
 
-def finished_places(folder: Path) -> Iterable[Int[np.ndarray, " n"]]:
+def finished_places(folder: Path) -> Iterable[Int[np.ndarray, " _"]]:
     """The places of the finished cases in `folder`, shard by shard; what a killed process left is removed, and so is a
     damaged file, with a `FrictionjaxWarning`."""
     for path in folder.glob(f".*{PART}"):

@@ -17,7 +17,7 @@ from frictionjax.core import InputError
 from frictionjax.core.forks import require_own_threads
 from frictionjax.studies.design import Columns
 
-Values = dict[str, Shaped[np.ndarray, "n ..."]]
+Values = dict[str, Shaped[np.ndarray, "_ ..."]]
 """The results of cases by name; the cases are the leading axis."""
 
 

@@ -9,8 +9,9 @@ from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 
 
-def rms_error(model: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"]) -> float:
-    """Root mean square of what a `model` is off from what was `measured`; infinite where a run overflows."""
+def rms_error(model: Float[np.ndarray, " m"], measured: Float[np.ndarray, " n"]) -> float:
+    """Root mean square of what a `model` (samples, or one value for all) is off from what was `measured`; infinite
+    where a run overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         value = float(np.sqrt(np.mean((model - measured) ** 2)))
     return value if np.isfinite(value) else float("inf")

@@ -69,12 +69,12 @@ class _Along(eqx.Module):
     """One model along a piece of recordings, arrays of shape `(w, n)`: `free` run, residual `force`; of the observer
     `v`, `bend`, `innovation`, predicted position `x` and corrected `states`; and the motor force, `push`."""
 
-    free: Float[Numbers, "w n"]
-    force: Float[Numbers, "w n"]
-    v: Float[Numbers, "w n"]
-    bend: Float[Numbers, "w n"]
-    innovation: Float[Numbers, "w n"]
-    x: Float[Numbers, "w n"]
+    free: Float[Numbers, "*w n"]
+    force: Float[Numbers, "*w n"]
+    v: Float[Numbers, "*w n"]
+    bend: Float[Numbers, "*w n"]
+    innovation: Float[Numbers, "*w n"]
+    x: Float[Numbers, "*w n"]
     states: State
     push: Push
 

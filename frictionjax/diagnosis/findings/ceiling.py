@@ -263,7 +263,7 @@ class _Search:
         heights = np.full(size - prior.size, held_back * weight)
         return np.diag(np.concatenate([0.5 * prior + 1e-9, heights]))
 
-    def _chosen(self, responses: list[Float[np.ndarray, "k r m"]]) -> tuple[list[int], float]:
+    def _chosen(self, responses: list[Float[np.ndarray, "_ r m"]]) -> tuple[list[int], float]:
         """Which groups of columns, by their `responses`, predict parts of the fitted recordings that were left out, one
         after the other, and how far their heights are held back."""
         design = np.concatenate([self.base, *responses])
@@ -309,7 +309,7 @@ class _Search:
         return [weight * (stretch == number) for number in range(_FOLDS)]
 
     def _left_out(
-        self, parts: list[_Part], places: Int[np.ndarray, " s"], held_back: float, total: float
+        self, parts: list[_Part], places: Int[np.ndarray, " k"], held_back: float, total: float
     ) -> Float[np.ndarray, " f"]:
         """Cost of each of the `parts` with coordinates at the `places` from the other parts."""
         square = np.ix_(places, places)

@@ -102,7 +102,7 @@ def _roofs(values: Float[np.ndarray, "r n"], knots: Float[np.ndarray, " k"]) -> 
     return np.stack([np.maximum(0.0, 1.0 - np.abs(place - k)) for k in range(len(knots))])
 
 
-def _used(columns: Float[np.ndarray, "k r n"], inside: Bool[np.ndarray, "r n"]) -> Float[np.ndarray, "k r n"]:
+def _used(columns: Float[np.ndarray, "k r n"], inside: Bool[np.ndarray, "r n"]) -> Float[np.ndarray, "_ r n"]:
     """Those of the `columns` that are not zero throughout, and zero where nothing was recorded."""
     columns = columns * inside
     return columns[np.any(columns != 0.0, axis=(1, 2))]

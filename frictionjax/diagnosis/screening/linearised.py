@@ -76,7 +76,7 @@ class Present(eqx.Module):
     motion: list[Along] | None
 
     def lanes(
-        self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Numbers, " q"]]]]
+        self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Numbers, " _"]]]]
     ) -> Iterator[Float[np.ndarray, "lanes r n"]]:
         """Standardised innovations of this model with one more effect, for each of the `blocks`: posteriors of one
         layout and as many vectors. The signals of the effect along the observed motion are injected. A block has
@@ -100,7 +100,7 @@ class Present(eqx.Module):
             yield from self._run([block])
 
     def _ready(
-        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " q"]]
+        self, posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers, " longer"]]
     ) -> tuple[Float[np.ndarray, "k q"], list[Signals]]:
         """The `vectors` without the coordinates of the effect, and the signals of the effect at each of them, piece by
         piece."""

@@ -8,12 +8,12 @@ linear gain can be a mirage), and the clustered score test gives the p-value. On
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
 import scipy
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.effort import Effort
@@ -87,9 +87,9 @@ class _Products(NamedTuple):
     right: Float[np.ndarray, " k"]
     clusters: Float[np.ndarray, "c k"]
 
-    def of(self, own: slice) -> Self:
+    def of(self, own: slice) -> "_Products":
         """Those of a part of the steps."""
-        return type(self)(self.cross[:, own], self.gram[own, own], self.right[own], self.clusters[:, own])
+        return _Products(self.cross[:, own], self.gram[own, own], self.right[own], self.clusters[:, own])
 
 
 def _regressed(
@@ -135,7 +135,7 @@ class _Probe(NamedTuple):
 
     form: AbstractEffect
     posterior: Posterior
-    vector: Array
+    vector: Float[Numbers, " q"]
     where: tuple[int, ...]
     sizes: tuple[float, ...]
 
@@ -208,7 +208,7 @@ def _steps(probes: list[_Probe]) -> tuple[list[Posterior], list[np.ndarray]]:
     return posteriors, vectors
 
 
-def _further(vector: Array, place: int, size: float) -> np.ndarray:
+def _further(vector: Float[Numbers, " q"], place: int, size: float) -> np.ndarray:
     """The `vector` with `size` more at one place."""
     more = np.array(vector)
     more[place] += size

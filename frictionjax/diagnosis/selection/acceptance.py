@@ -38,7 +38,7 @@ def likelier(row: Comparison, rule: Rule) -> bool:
     """Whether chance does not do what the candidate of a `row` does, by the `rule`: it leads by so many standard errors
     on all recordings together, and by some on the fitted and on the held-out ones alone."""
     each = min(row.fit.in_errors(rule), row.held_out.in_errors(rule))
-    return row.lead.in_errors(rule) > rule.accept.lead and each > rule.accept.lead_each
+    return bool(row.lead.in_errors(rule) > rule.accept.lead and each > rule.accept.lead_each)
 
 
 def least_share_of(table: Table, rule: Rule) -> float:

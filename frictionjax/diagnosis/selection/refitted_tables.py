@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
@@ -36,6 +36,7 @@ from frictionjax.estimation.objective.robust import extend
 from frictionjax.physics.effects import AbstractEffect
 
 
+@runtime_checkable
 class Refits(Protocol):
     """What tests and refits the catalogue: `Candidates`."""
 

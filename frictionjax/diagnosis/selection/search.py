@@ -6,7 +6,7 @@ refits (`refitted_tables`), or of one that looks up what was stored (`stored_tab
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import (
@@ -26,6 +26,7 @@ _TOO_LITTLE = "clearly likelier, but all that was found explains too little of t
 _NOT_NEEDED = "not needed: refitted to all recordings, the base model reaches the noise floor"
 
 
+@runtime_checkable
 class Tables(Protocol):
     """What supplies the comparisons that a search asks for. A `chain` holds the rounds so far, each with an accepted
     candidate, in the order in which their effects were added."""

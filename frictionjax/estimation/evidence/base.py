@@ -1,7 +1,7 @@
 """Evidence: data, as prediction errors of a drive over their standard deviations. One kind of data a class."""
 
 from abc import abstractmethod
-from typing import Self
+from typing import TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -11,6 +11,8 @@ from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.data.pieces import Piece, kept, pieces_of
 from frictionjax.physics import Drive
+
+_E = TypeVar("_E", bound="AbstractEvidence")
 
 
 class AbstractEvidence(eqx.Module):
@@ -36,10 +38,10 @@ class AbstractEvidence(eqx.Module):
         """The recordings in pieces of a few fixed shapes; none for evidence without recordings."""
 
     @abstractmethod
-    def piece(self, piece: Piece) -> Self:
+    def piece(self: _E, piece: Piece) -> _E:
         """The evidence of the recordings of a `piece`, of its shape: its errors are not in blocks."""
 
-    def in_pieces(self) -> tuple[tuple[Piece, Self], ...]:
+    def in_pieces(self: _E) -> tuple[tuple[Piece, _E], ...]:
         """The recordings in `pieces`, each with its `piece` of the evidence; made once."""
         return kept(self, "pieces", lambda: tuple((piece, self.piece(piece)) for piece in self.pieces()))
 

@@ -190,7 +190,7 @@ def cluster_curvatures(
     return columns @ xp.swapaxes(columns, -1, -2)
 
 
-def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndarray, "c q q"]:
+def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndarray, "_ q q"]:
     """Matrices of clusters, in the parameters and the `own` starting deflection, as parts of the whole matrix."""
     many, (recordings, each) = place.parameters, own.shape[:2]
     whole = np.zeros((recordings, each, place.size, place.size))

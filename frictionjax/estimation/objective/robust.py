@@ -77,7 +77,7 @@ def extend(
     effect: AbstractEffect,
     scales: dict[str, float],
     drive: Drive | None = None,
-) -> tuple[Posterior, Float[Numbers, " q"]]:
+) -> tuple[Posterior, Float[Numbers, " longer"]]:
     """`posterior` with `effect` added, at the solution `vector`, and the vector of that.
 
     Ranges, prior and observer stay, so that the same vector gives the same misfit. The parameters of the effect stand

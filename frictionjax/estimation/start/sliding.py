@@ -84,7 +84,7 @@ def fit_sliding(
     motions: tuple[SlidingMotion, ...],
     *,
     inertia: float | None = None,
-    beside: Sequence[Float[np.ndarray, "n k"]] | None = None,
+    beside: Sequence[Float[np.ndarray, "_ k"]] | None = None,
     offset: bool = True,
 ) -> SlidingFit:
     """Robust least squares (Huber weights) over all samples faster than 5 % of the top speed, in strokes (from one

@@ -144,7 +144,7 @@ def explain(
     return tuple(found)
 
 
-def _voltages(rng: np.random.Generator) -> dict[str, Float[np.ndarray, " n"]]:
+def _voltages(rng: np.random.Generator) -> dict[str, Float[np.ndarray, " _"]]:
     """Inputs of the open loop over the voltage that breaks away."""
 
     def lines(*corners: tuple[float, float]) -> Float[np.ndarray, " n"]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -22,7 +22,7 @@ _CHARACTERS = 17.0  # of the caption in an inch
 
 def sheet(
     title: str, caption: str, *, size: tuple[float, float], rows: int = 1, columns: int = 1, **grid: object
-) -> tuple[Figure, Float[np.ndarray, "rows columns"]]:
+) -> tuple[Figure, Shaped[np.ndarray, "rows columns"]]:
     """An empty figure.
 
     **Arguments:**

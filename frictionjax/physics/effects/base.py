@@ -152,7 +152,7 @@ class AbstractSpringEffect(AbstractEffect):
     along: ClassVar[Along] = "since_reversal"
 
     @abstractmethod
-    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+    def spring(self, force: Float[Array, "*d"], friction: LuGre, z: Float[Array, "*d"]) -> Float[Array, "*d"]:
         """The force that replaces `force` (sigma0 z at first) at deflection `z` (position units), odd in `z`;
         `friction` gives scales.
 
@@ -169,7 +169,7 @@ class AbstractSlipEffect(AbstractEffect):
     """Whether the slip may rise more steeply with the bend than LuGre's: long steps then need more care."""
 
     @abstractmethod
-    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], direction: Float[Array, "*d"]) -> Float[Array, "*d"]:
         """Replacement of `bend`, the bristle's force over the level G (1 in steady sliding, where it must stay 1), for
         motion in `direction` (+1 or -1)."""
 

@@ -66,7 +66,7 @@ class ElastoPlastic(AbstractSlipEffect):
         ),
     )
 
-    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], direction: Float[Array, "*d"]) -> Float[Array, "*d"]:
         way = (jnp.abs(bend) - self.core) / (1.0 - self.core)
         angle = jnp.pi * jnp.where((way > 0.0) & (way < 1.0), way, 0.0)
         rising = 0.5 - 0.5 * ((1.0 - self.overtone) * jnp.cos(angle) + self.overtone * jnp.cos(3.0 * angle))

@@ -30,7 +30,7 @@ _HARDENING = (
 )
 
 
-def _secant(bend: Float[Array, ""], hardening: Float[Array, ""]) -> Float[Array, ""]:
+def _secant(bend: Float[Array, "*d"], hardening: Float[Array, ""]) -> Float[Array, "*d"]:
     """Secant stiffness over sigma0 at the deflection `bend` over Fs/sigma0. A softening bristle saturates: the force
     of a cubic would fall again at large deflections."""
     softer = hardening < 0.0
@@ -58,7 +58,7 @@ class NonlinearBristle(AbstractSpringEffect):
     strengths: ClassVar[tuple[Parameter, ...]] = _HARDENING
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+    def spring(self, force: Float[Array, "*d"], friction: LuGre, z: Float[Array, "*d"]) -> Float[Array, "*d"]:
         bend = friction.sigma0 * z / friction.Fs
         return force * _secant(bend, self.hardening)
 
@@ -84,11 +84,11 @@ class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
     strengths: ClassVar[tuple[Parameter, ...]] = _HARDENING
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def spring(self, force: Float[Array, ""], friction: LuGre, z: Float[Array, ""]) -> Float[Array, ""]:
+    def spring(self, force: Float[Array, "*d"], friction: LuGre, z: Float[Array, "*d"]) -> Float[Array, "*d"]:
         bend = friction.sigma0 * z / friction.Fs
         return force * _secant(bend, self.hardening)
 
-    def _deflection(self, force: Float[Array, ""]) -> Float[Array, ""]:
+    def _deflection(self, force: Float[Array, "*d"]) -> Float[Array, "*d"]:
         # Beyond break-away a softening bristle could carry no more: the deflection continues in proportion.
         within = jnp.clip(force, -1.0, 1.0)
         softer = self.hardening < 0.0
@@ -101,5 +101,5 @@ class NonlinearBristleByDeflection(AbstractSpringEffect, AbstractSlipEffect):
         y = jnp.where(softer, saturating, y)
         return y + (force - within)
 
-    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], direction: Float[Array, "*d"]) -> Float[Array, "*d"]:
         return self._deflection(bend) / self._deflection(jnp.ones_like(bend))

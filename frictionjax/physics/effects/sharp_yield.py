@@ -41,7 +41,7 @@ class SharpYield(AbstractSlipEffect):
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-    def slip(self, bend: Float[Array, ""], direction: Float[Array, ""]) -> Float[Array, ""]:
+    def slip(self, bend: Float[Array, "*d"], direction: Float[Array, "*d"]) -> Float[Array, "*d"]:
         # Not `power`: that has no slope at zero, where the base model has the slope 1.
         logarithm = jnp.log(jnp.clip(jnp.abs(bend), _LEAST_BEND, _MOST_BEND))
         return bend * jnp.exp(self.exponent_change * logarithm)

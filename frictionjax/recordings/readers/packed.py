@@ -44,7 +44,7 @@ def _unzipped(data: bytes, file: str) -> bytes:
                     cure="Unpack it and give the files themselves, or pack one file only",
                 )
             with archive.open(names[0]) as stream:
-                return bounded(stream, file)
+                return bounded(stream.read, file)
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes of zipfile

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from frictionjax.arm import ArmDiagnosis
@@ -49,7 +50,7 @@ _DRAW: dict[type, Callable[..., dict[str, Axes]]] = {
 def plot(
     result: Any,
     *,
-    axes: Sequence[Axes] | Axes | None = None,
+    axes: Sequence[Axes] | np.ndarray | Axes | None = None,
     units: Mapping[str, str] | None = None,
     over: Sequence[str] | str | None = None,
     names: Sequence[str] | str | None = None,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from frictionjax.core import InputError
 from frictionjax.report.format import unit_text
 
-Place = Sequence[Axes] | Axes | Figure
+Place = Sequence[Axes] | np.ndarray | Axes | Figure
 """Where to draw: the caller's own axes, one a panel, or an empty figure."""
 
 Panels = Sequence[Sequence[str]]

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Shaped
 from matplotlib.axes import Axes
 
 from frictionjax.core import InputError
@@ -181,7 +181,7 @@ def _values(array: Any, dimension: str) -> Any:
     return values if values.dtype.kind in "fi" else np.asarray([str(value) for value in values])
 
 
-def _log(set_scale: Any, values: Float[np.ndarray, " k"]) -> None:
+def _log(set_scale: Any, values: Shaped[np.ndarray, " k"]) -> None:
     if values.dtype.kind in "fi" and values.min() > 0.0 and values.max() > _LONG * values.min():
         set_scale("log")
 
