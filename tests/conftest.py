@@ -1,6 +1,7 @@
 """The strict test session: float64, no silent promotion of types or ranks, two CPU devices, warnings are errors."""
 
 import os
+import random
 from pathlib import Path
 
 os.environ["JAX_ENABLE_X64"] = "1"
@@ -11,8 +12,13 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 import pytest
 
-TYPED = ("core", "excitation", "recordings", "frequency", "physics")
-"""Packages whose annotations, shapes included, are checked at every call with `--types`."""
+TYPED = (
+    *("core", "excitation", "recordings", "frequency", "physics", "simulation", "estimation", "information"),
+    *("exchange", "diagnosis", "arm", "studies", "report", "paper", "demo", "cli"),
+)
+"""Packages whose annotations, shapes included, are checked at every call with `--types`: all that have functions. Types
+that `cli` names for pyright alone, as they load late, are not resolved, and not checked. A test that hands over a
+stand-in, or what must be refused, is marked `untyped`."""
 
 TOGETHER = [
     (
@@ -66,6 +72,11 @@ def pytest_configure(config):
         from jaxtyping import install_import_hook
 
         install_import_hook([f"frictionjax.{package}" for package in TYPED], "helpers_types.checked")
+        # Of a list the checker looks at one item by chance, also where Hypothesis draws examples.
+        config.addinivalue_line(
+            "filterwarnings",
+            "ignore:Do not use the `random` module:hypothesis.errors.HypothesisDeprecationWarning",
+        )
     _set_up()
 
 
@@ -91,6 +102,12 @@ def _set_up():
     jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 
+def pytest_runtest_setup(item):
+    """The same items of lists are checked in every run."""
+    if item.config.getoption("--types"):
+        random.seed(0)
+
+
 def pytest_xdist_make_scheduler(config, log):
     """A file to a worker, as modules share what is costly; files that belong together go to one."""
     if config.getoption("dist") != "loadfile":
@@ -108,12 +125,15 @@ def pytest_xdist_make_scheduler(config, log):
 def pytest_collection_modifyitems(config, items):
     order = {file: place for place, file in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.nodeid.split("::")[0], len(order)))
-    if config.getoption("--slow"):
-        return
-    skip = pytest.mark.skip(reason="slow: run with --slow")
+    left_out = {}
+    if not config.getoption("--slow"):
+        left_out["slow"] = pytest.mark.skip(reason="slow: run with --slow")
+    if config.getoption("--types"):
+        left_out["untyped"] = pytest.mark.skip(reason="untyped: not run with --types")
     for item in items:
-        if "slow" in item.keywords:
-            item.add_marker(skip)
+        for word, skip in left_out.items():
+            if word in item.keywords:
+                item.add_marker(skip)
 
 
 @pytest.fixture(scope="module", autouse=True)

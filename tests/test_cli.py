@@ -18,6 +18,8 @@ from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.report.save import save_diagnosis
 from frictionjax.studies import machines_file
 
+pytestmark = pytest.mark.untyped
+
 CASE = """
 name = "bench"
 

@@ -114,6 +114,7 @@ def test_the_cut_off_lies_between_motion_and_noise(noise):
         assert errors[0] < 2.0 * min(errors[1:])
 
 
+@pytest.mark.untyped
 def test_logs_that_do_not_fit_the_model_are_refused():
     first, second, third = measured()[0]
     fewer = [

@@ -104,6 +104,12 @@ def test_a_diagnosis_has_four_tables():
     assert not found.to_dataframe("candidates").loc["backlash", "tested"]
     assert list(found.to_dataframe("mismatch")["axis"].unique()) == ["regime", "since_reversal", "dwell"]
     assert found.to_dataframe("errors").loc["holdout_stick", "noise_floor"] == 1.1e-7
+
+
+@pytest.mark.untyped
+def test_a_diagnosis_has_no_other_table():
+    pytest.importorskip("pandas")
+    found = fake_diagnosis(n=50)
     with pytest.raises(ValueError, match="must be one of: parameters, candidates, mismatch, errors"):
         found.to_dataframe("all")
 

@@ -7,6 +7,8 @@ import pytest
 
 import frictionjax as fj
 
+pytestmark = pytest.mark.untyped
+
 T = np.arange(4000) / 1000.0
 COLUMNS = {"t": T, "u": np.sin(7.0 * T), "x": 1e-3 * np.sin(7.0 * T - 0.3) + 1e-3 * T}
 PLANT = fj.Plant(motor_constant=16.0, position_unit="rad")

@@ -64,6 +64,7 @@ def test_an_effect_is_simulated_as_it_is():
     assert float(power[0]) > 10.0
 
 
+@pytest.mark.untyped
 def test_a_free_run_that_begins_in_motion_begins_with_the_measured_force():
     """Where the bristles slide already, the damping of a bristle that does not would be many times their force."""
     stiff = eqx.tree_at(lambda drive: drive.friction.sigma1, ROTARY, jnp.asarray(60.0))

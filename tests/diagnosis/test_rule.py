@@ -10,6 +10,8 @@ from helpers_rule import PROBES, answer
 import frictionjax.diagnosis
 from frictionjax.diagnosis.rule import Rule
 
+pytestmark = pytest.mark.untyped
+
 TODAY = Rule()
 PACKAGE = Path(frictionjax.diagnosis.__path__[0])
 

@@ -134,6 +134,7 @@ def test_held_out_recordings_alone_can_tell_that_something_is_missing():
     assert _verdict((0.002, 0.3))[0] == "unknown"
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
     residual = SimpleNamespace(variable="velocity", helps=helps, gains=candidate((0.5, 0.4)).gains(RULE))
@@ -238,6 +239,7 @@ def _refitted(form):
     return SimpleNamespace(effect=form.name, trial=trial, model=model), trial
 
 
+@pytest.mark.untyped
 def test_a_missing_effect_carries_its_class_and_its_parameters():
     form = catalogue()["delay"][0]
     accepted, trial = _refitted(form)
@@ -260,6 +262,7 @@ def test_a_missing_effect_carries_its_class_and_its_parameters():
     assert missing_effects([alone], weights, extended, ["stick"], {})[0].split_by == ""
 
 
+@pytest.mark.untyped
 def test_an_effect_that_kept_its_place_is_reported_with_its_own_parameters():
     """Compared again beside a later one, it is not the last of the drive."""
     delay, load = (catalogue()[name][0] for name in ("delay", "constant_load"))
@@ -280,6 +283,7 @@ def test_an_effect_that_kept_its_place_is_reported_with_its_own_parameters():
     assert [one.sentence for one in found] == [form.about.sentence for form in (delay, load)]
 
 
+@pytest.mark.untyped
 def test_every_effect_of_the_catalogue_has_a_row_and_a_reason():
     delay, load, ripple, pendulum = (
         catalogue()[name][0] for name in ("delay", "constant_load", "ripple", "gravity_pendulum")

@@ -4,6 +4,7 @@ import json
 import types
 import xml.etree.ElementTree as ET
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -79,9 +80,8 @@ def test_bam_takes_a_stribeck_exponent_and_loses_it_in_m1():
     drive = DRIVE.with_effects(shape)
     numbers = json.loads(VERBS["bam"](drive).text)
     for v in (0.02, 0.1):
-        assert bam_friction(numbers, v)[0] == pytest.approx(
-            float(drive.level(np.zeros(()), np.asarray(v))), rel=1e-12
-        )
+        level = float(drive.level(jnp.zeros(()), jnp.asarray(v)))
+        assert bam_friction(numbers, v)[0] == pytest.approx(level, rel=1e-12)
     assert not any("stribeck_shape" in sentence for sentence in VERBS["bam"](drive).lost)
     plain = bam_parameters(drive, actuator="mx64", resistance=RESISTANCE, model="m1")
     assert "friction_stribeck" not in json.loads(plain.text)
@@ -112,6 +112,10 @@ def test_urdf_is_read_by_mujoco_with_the_numbers_of_the_drive():
 def test_urdf_takes_either_level():
     element = ET.fromstring(urdf_dynamics(DRIVE, friction="Fs").text)
     assert (element.tag, element.attrib) == ("dynamics", {"damping": "0.6", "friction": "0.8"})
+
+
+@pytest.mark.untyped
+def test_urdf_takes_no_other_level():
     with pytest.raises(ValueError, match="`friction` is 'F'; it must be"):
         urdf_dynamics(DRIVE, friction="F")
 
@@ -201,6 +205,7 @@ def test_what_a_program_cannot_take_is_refused(make, words):
         make()
 
 
+@pytest.mark.untyped
 def test_wrong_words_are_refused():
     for words in ({"control": "newtons"}, {"model": "m6"}):
         with pytest.raises(ValueError, match="it must be"):

@@ -183,6 +183,7 @@ def test_a_comparison_is_drawn_and_summarised(paper, tmp_path):
     assert "Estimators compared:" in paper_lines(compared)
 
 
+@pytest.mark.untyped
 def test_a_comparison_in_another_thread_is_waited_for(monkeypatch):
     asked, heard = {}, []
 
@@ -201,6 +202,7 @@ def test_a_comparison_in_another_thread_is_waited_for(monkeypatch):
     assert ("comparing estimators", pytest.approx(0.8)) in heard
 
 
+@pytest.mark.untyped
 def test_an_error_in_another_thread_is_raised(monkeypatch):
     def compare(**_):
         raise InputError("`draws` is 1")

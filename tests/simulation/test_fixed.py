@@ -1,5 +1,7 @@
 """`simulate`: what must hold of any run, whatever the parameters."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,10 @@ from helpers_plants import PLANTS, ROTARY, STAGE, TABLE_I
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from frictionjax.core import Parameter
 from frictionjax.physics import Drive, LuGre
+from frictionjax.physics.effects.base import About, AbstractDampingEffect
+from frictionjax.physics.effects.micro_damping import MicroDamping
 from frictionjax.simulation import simulate
 
 RATE = 2000.0
@@ -131,26 +136,26 @@ def test_new_numbers_do_not_compile_again():
         count += 1
         return v
 
-    class Counting(eqx.Module):
-        """A friction law that counts how often it is traced."""
+    class Counting(AbstractDampingEffect):
+        """An effect of nothing that counts how often it is traced."""
 
-        law: LuGre
+        name: ClassVar[str] = "counting"
+        about: ClassVar[About] = MicroDamping.about
+        strengths: ClassVar[tuple[Parameter, ...]] = ()
+        nuisances: ClassVar[tuple[Parameter, ...]] = ()
 
-        def level(self, v):
-            return self.law.level(seen(v))
-
-        def __getattr__(self, name):
-            return getattr(self.law, name)
+        def damping(self, friction, v):
+            return seen(jnp.ones_like(v))
 
     seen.defjvp(lambda primal, tangent: (seen(*primal), tangent[0]))
-    law = TABLE_I.friction
-    simulate(Drive(1.0, Counting(law)), np.zeros(N), RATE)
+    law, counting = TABLE_I.friction, (Counting(),)
+    simulate(Drive(1.0, law, effects=counting), np.zeros(N), RATE)
     traced = count
     assert traced > 0
     stiffer = eqx.tree_at(lambda friction: friction.sigma0, law, law.sigma0 * 1.1)
-    simulate(Drive(2.0, Counting(stiffer), motor_constant=3), SINE, 1000, x0=1e-6, v0=0.1, z0=1)
+    simulate(Drive(2.0, stiffer, motor_constant=3, effects=counting), SINE, 1000, x0=1e-6, v0=0.1, z0=1)
     assert count == traced
-    simulate(Drive(1.0, Counting(law)), np.zeros(N + 1), RATE)  # another length does
+    simulate(Drive(1.0, law, effects=counting), np.zeros(N + 1), RATE)  # another length does
     assert count > traced
 
 

@@ -69,9 +69,8 @@ def test_a_filter_that_loses_the_machine_comes_back():
     force = jnp.full(N, 1.05 * Fc)
     start = (jnp.asarray(0.0), jnp.asarray(0.0), jnp.asarray(0.0))
     noise = 2e-7
-    x = simulate(
-        STAGE, force / STAGE.motor_constant, RATE, substeps=1
-    ).measured + noise * rng.standard_normal(N)
+    measured = simulate(STAGE, force / STAGE.motor_constant, RATE, substeps=1).measured
+    x = jnp.asarray(measured + noise * rng.standard_normal(N))
     known = (jnp.asarray(1e-9), jnp.asarray(1e-9))
 
     def left(drive, recovers):
@@ -98,7 +97,7 @@ def test_one_reading_must_be_far_off_to_lose_the_machine(size, loses):
 
     def filtered(x, recovers):
         numbers = (jnp.asarray(2e-7), jnp.asarray(0.002 * float(STAGE.friction.Fc)))
-        return kalman_filter(STAGE, force, x, DT, *numbers, start, known, recovers=recovers)
+        return kalman_filter(STAGE, force, jnp.asarray(x), DT, *numbers, start, known, recovers=recovers)
 
     x[N // 2] += size * float(np.sqrt(filtered(x, False).variance[N // 2]))
     own, alone = filtered(x, True), filtered(x, False)

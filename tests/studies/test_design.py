@@ -87,6 +87,7 @@ def test_blocks_hold_every_case_once_and_one_text_each(texts, numbers, repeats, 
     assert list(blocks.unfinished(done)) == list(range(1, len(blocks)))
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("make", "words"),
     [

@@ -1,5 +1,6 @@
 """Power curves: how well an experiment of a design tells two effects apart."""
 
+import jax
 import numpy as np
 import pytest
 from helpers_plants import TABLE_I, effect
@@ -17,7 +18,7 @@ def test_it_is_that_of_rank_for_discrimination():
     task = DiscriminationTask(TABLE_I, LOAD, None, RAMP, refit_steps=2)
     axes = Axis("size", [0.01, 1.0]), Axis("noise", [1e-6, 1e-5])
     found = fj.run_study(Study(Factorial(*axes), task), progress=False)
-    u = np.asarray(RAMP.input(None, TABLE_I))
+    u = np.asarray(RAMP.input(jax.random.key(0), TABLE_I))
     for size in (0.01, 1.0):
         for noise in (1e-6, 1e-5):
             own = fj.rank_for_discrimination(

@@ -101,6 +101,7 @@ def _run(task, *axes):
 SHORTEST = Experiment(samples=1000)
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("make", "words"),
     [

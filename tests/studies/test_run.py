@@ -149,6 +149,7 @@ def _with(task, *values, **how):
     return lambda: run_study(study, **QUIET, **how)
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("run", "words"),
     [

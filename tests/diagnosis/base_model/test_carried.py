@@ -112,6 +112,7 @@ def test_what_makes_a_model_of_none_is_accepted_whatever_share_it_explains():
     assert np.isclose(row().gains(RULE).share, 0.4)
 
 
+@pytest.mark.untyped
 def test_what_was_not_tested_after_it_says_why():
     first = SimpleNamespace(
         trials=[], refits=[], compared=[row(makes_credible=True)], accepted=None, dropped=""

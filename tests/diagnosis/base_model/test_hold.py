@@ -51,6 +51,7 @@ def case():
     return Case("coarse", Plant(1.0, hold="auto"), recordings)
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(("power", "hold"), [(0.98, "linear"), (1.02, "zero"), (1.0, "zero")])
 def test_the_likelier_input_is_kept_and_said(case, monkeypatch, power, hold):
     """Near the noise the log-likelihood is half of the sum of squares; held-out recordings choose nothing."""
@@ -94,6 +95,7 @@ def test_the_input_that_was_is_found_with_the_plant(hold):
     assert sentence.startswith(f'The input is taken to be {words[hold]} (hold = "auto"): the log-likelihood')
 
 
+@pytest.mark.untyped
 def test_a_known_input_is_taken_as_it_is(monkeypatch):
     """One fit, and nothing to say."""
     fitted = []

@@ -64,6 +64,7 @@ def test_effects_are_searched_through_the_slow_observer_of_a_coarse_sensor(noise
     assert search_bandwidth(posterior, vector) == bandwidth
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("fast", "slow", "bandwidth"), [(1.2, 0.8, FAST_BANDWIDTH), (0.8, 1.2, SLOW_BANDWIDTH)]
 )

@@ -150,6 +150,7 @@ def test_a_simulation_that_diverges_has_an_error_and_no_map(arm):
     assert "inf rad rms in a free run" in found.said.sentence
 
 
+@pytest.mark.untyped
 def test_where_nothing_is_diagnosed_the_simulation_is_compared_all_the_same(column):
     base = type("Base", (), {"judgement": Judgement(PLANT, np.zeros(2), column.floor, None, None)})
     case = Case("arm", CASE, column.starting.recordings)
@@ -158,6 +159,7 @@ def test_where_nothing_is_diagnosed_the_simulation_is_compared_all_the_same(colu
     assert found.given.where == "" and found.recordings[1].free_given is not None
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("change", "words"),
     [

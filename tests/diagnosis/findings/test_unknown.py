@@ -136,6 +136,7 @@ def _model(batch, misfit, *effects):
     return SimpleNamespace(posterior=SimpleNamespace(drive=drive), judgement=judged)
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(
     ("variable", "named", "left", "helps", "is_named"),
     [

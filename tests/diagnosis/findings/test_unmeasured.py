@@ -11,6 +11,8 @@ from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.recording_fit import Unmeasured
 from frictionjax.diagnosis.verdict import Unexplained
 
+pytestmark = pytest.mark.untyped
+
 VALID = np.array([[0.0, 1.0, 1.0, 1.0]])
 
 

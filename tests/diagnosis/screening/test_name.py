@@ -77,6 +77,7 @@ def _trial(effect_name, p_value, gain=0.0, linear=0.0, form="Form"):
     return SimpleNamespace(effect=effect_name, p_value=p_value, gain=gain, linear_gain=linear, form=made)
 
 
+@pytest.mark.untyped
 def test_many_tries_of_one_effect_are_paid_for():
     trials = [_trial("a", 0.2), _trial("a", 0.01), _trial("b", 0.4), _trial("b", 0.7), _trial("b", 0.6)]
     assert effect_p_values(trials) == pytest.approx({"a": 0.02, "b": 1.0})
@@ -94,6 +95,7 @@ def alike(monkeypatch):
     return known
 
 
+@pytest.mark.untyped
 @pytest.mark.usefixtures("alike")
 def test_the_short_list_holds_the_best_of_each_form():
     trials = [
@@ -113,6 +115,7 @@ def test_the_short_list_holds_the_best_of_each_form():
     assert short_list([], most=4) == []
 
 
+@pytest.mark.untyped
 def test_what_is_easily_taken_for_the_leader_is_refitted_with_it(alike):
     alike["a"] = frozenset("acd")
     trials = [
@@ -125,6 +128,7 @@ def test_what_is_easily_taken_for_the_leader_is_refitted_with_it(alike):
     assert [t.effect for t in short_list(trials, most=2, effort=GAIN)] == ["a", "b", "c", "d"]
 
 
+@pytest.mark.untyped
 @pytest.mark.usefixtures("alike")
 def test_far_from_the_noise_promises_are_tried_although_no_step_gains():
     trials = [

@@ -54,6 +54,7 @@ def test_nothing_is_excused_where_nothing_is_left(judged):
     )
 
 
+@pytest.mark.untyped
 def test_what_a_chaotic_machine_explains_is_seen_where_its_fit_saw_anything(judged):
     """It corrects the loud blocks that its fit saw, and is far off in the others, which are chaotic."""
     batch, blocks = judged.batch, np.arange(judged.power.shape[1])
@@ -75,6 +76,7 @@ def _with(judged, *effects, power=None):
     return SimpleNamespace(judgement=eqx.tree_at(lambda j: (j.drive, j.power), judged, (drive, own)))
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize("leader_stays", [True, False])
 def test_a_floor_is_raised_only_if_the_same_candidate_leads_above_it(judged, leader_stays):
     """The gap corrects the early blocks, which are more; another the late ones, which are all that is left above the
@@ -96,6 +98,7 @@ def _joint(judged):
     return SimpleNamespace(batch=judged.batch, fitted=(jnp.array([1.0, 0.0]),))
 
 
+@pytest.mark.untyped
 def test_beside_a_gap_a_raised_floor_stays(judged):
     """A chaotic machine's floor is that of the round before."""
     unit = np.ones((1, *judged.power.shape))
@@ -135,6 +138,7 @@ def test_a_floor_is_not_lowered_to_what_misses_something(judged):
     assert np.all(lowered[1] < 1.0)
 
 
+@pytest.mark.untyped
 def test_the_ground_of_an_input_driven_table_is_what_the_likeliest_leaves(judged):
     unit = np.ones((1, *judged.power.shape))
     answer = Answer(np.zeros(judged.power.shape), unit[0], unit, 0.0 * unit, 0.0 * unit)

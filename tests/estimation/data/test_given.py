@@ -48,6 +48,7 @@ def test_what_is_given_by_a_path_is_fitted_whole(tmp_path):
     assert (piece.x.size, piece.plant.motor_constant) == (200, 16.0)
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize("data", [3, [3], None, [None], np.zeros(3)])
 def test_what_is_no_data_is_refused_with_what_would_be(data):
     with pytest.raises(fj.InputError, match=r"is no data for a fit\. Give a `Case`"):

@@ -30,6 +30,7 @@ class _Rough:
         return Quadratic(jnp.asarray(cost), jnp.asarray([self.slope]), jnp.eye(1))
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(("slope", "ending"), [(1e-4, Ending.AT_REST), (10.0, Ending.NO_STEP)])
 def test_running_out_of_damping_is_rest_only_at_a_minimum(slope, ending):
     posterior = _Rough(slope)

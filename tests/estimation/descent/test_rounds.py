@@ -11,6 +11,8 @@ from frictionjax.estimation.descent.refine import AbstractRounds, ManyFits, _to_
 from frictionjax.estimation.descent.round import NEAR_UNITS, ROUNDS, Progress, State, judged
 from frictionjax.estimation.evidence import Noise
 
+pytestmark = pytest.mark.untyped
+
 UNIT = NEAR_UNITS * 5.0
 """Of the solver, where a coordinate's standard deviation is 1."""
 

@@ -169,6 +169,7 @@ def test_presliding_alone_gives_inertia_stiffness_and_damping():
         assert away[name] == pytest.approx(1.0, abs=0.03), name
 
 
+@pytest.mark.untyped
 def test_a_stiffness_that_large_moves_make_up_does_not_pass_for_stick(sliding_only, monkeypatch):
     """So soft that the whole stroke seems to be the bending of bristles; inertia and friction explain the force."""
     value = {"J": 2.9 * TRUTH["J"], "stiffness": 1e-4 * TRUTH["sigma0"], "damping": 0.1 * TRUTH["sigma1"]}
