@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 
 _SECOND = 1.0
+COUNT = " · "
+"""As in `core.progress`, which is not loaded before the first sign of life: a stage has one line, not one a task."""
 
 
 class Terminal:
@@ -44,7 +46,9 @@ class Terminal:
                 self._moving.start()
             self._bar.n = max(self._bar.n, min(fraction, 1.0))
             self._bar.set_description_str(stage)
-        elif stage != self._stage:
+            return
+        stage = stage.partition(COUNT)[0]
+        if stage != self._stage:
             self.line(f"{stage} ...")
         self._stage = stage
 

@@ -2,7 +2,9 @@
 
 import shutil
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import Any, Protocol, runtime_checkable
 
@@ -20,6 +22,44 @@ class Progress(Protocol):
 
 def silent(stage: str, fraction: float) -> None:
     """The `Progress` that reports nothing: `stage` and `fraction` are ignored."""
+
+
+COUNT = " · "
+"""Between a stage and how many of its tasks are done."""
+
+
+class Counting(Executor):
+    """An executor that says how many of the tasks of each `map` are done.
+
+    **Arguments:** `executor` runs them, by threads; `progress` is called when one is done, with the `stage` and that
+    count, and the part of the whole from `start` to `stop` by the tasks of the first `map`; those of later ones, which
+    go on with some of these, leave it where it is.
+    """
+
+    def __init__(self, executor: Executor, progress: Progress, stage: str, start: float, stop: float) -> None:
+        self._executor, self._progress, self._stage = executor, progress, stage
+        self._start, self._stop = start, stop
+        self._reached, self._lock = start, threading.Lock()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As of the executor itself."""
+        return self._executor.submit(fn, *args, **kwargs)
+
+    def map(self, fn: Callable[..., Any], *iterables: Iterable[Any], **how: Any) -> Iterator[Any]:
+        """As of the executor itself, and counted."""
+        tasks, done = list(zip(*iterables, strict=False)), 0
+
+        def counted(task: tuple[Any, ...]) -> Any:
+            nonlocal done
+            found = fn(*task)
+            with self._lock:
+                done += 1
+                here = self._start + (self._stop - self._start) * done / len(tasks)
+                self._reached = max(self._reached, here)
+                self._progress(f"{self._stage}{COUNT}{done} of {len(tasks)}", self._reached)
+            return found
+
+        return self._executor.map(counted, tasks, **how)
 
 
 @contextmanager

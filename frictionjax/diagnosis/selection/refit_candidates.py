@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from frictionjax.core import Progress
+from frictionjax.core.progress import Counting
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
@@ -61,11 +62,12 @@ class Candidates:
         budget, start, span = self.effort.screening, number / self.effort.rounds, 1.0 / self.effort.rounds
         if self.carried and number == 0:
             return self._of_the_balance(model)
-        self.progress(f"testing every effect, round {number + 1}", start)
-        tried = try_catalogue(model, self.scales, self.executor, self.without, self.pair, effort=self.effort)
+        testing = self._counting(f"testing every effect, round {number + 1}", start, start + 0.4 * span)
+        tried = try_catalogue(model, self.scales, testing, self.without, self.pair, effort=self.effort)
         most = budget.first_forms if number == 0 else budget.later_forms
         chosen = self._worth_refitting(model, tried, most)
-        self.progress(f"refitting {len(chosen)} candidates, round {number + 1}", start + 0.4 * span)
+        stage = f"refitting {len(chosen)} candidates, round {number + 1}"
+        refitting = self._counting(stage, start + 0.4 * span, start + 0.8 * span)
         open_to = [trial for trial in tried[0] if trial.effect not in self.barred]
         hints = Hints(
             self.pair,
@@ -75,10 +77,13 @@ class Candidates:
             self.base_effects,
             lambda: self._asked_for(open_to),
         )
-        refits = refit_all(
-            chosen, model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort
-        )
+        refits = refit_all(chosen, model, self.scales, refitting, hints, rule=self.rule, effort=self.effort)
         return self._with_twins(model, [trial for some in tried for trial in some], refits)
+
+    def _counting(self, stage: str, start: float, stop: float) -> Counting:
+        """The executor that says how much of a `stage` is done, from the part `start` of all rounds to `stop`."""
+        self.progress(stage, start)
+        return Counting(self.executor, self.progress, stage, start, stop)
 
     def _of_the_balance(self, model: Model) -> tuple[Model, list[Trial], list[Refitted]]:
         """As `beside`, of the forces alone that the force balance asks for: beside a base model that is none of the
