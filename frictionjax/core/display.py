@@ -84,11 +84,17 @@ def as_html(display: Display) -> str:
 
 def one_line(module: eqx.Module, *leave_out: str) -> str:
     """A `module` as `Name(field=value, ...)` with its numbers, also inside transformations of JAX, where a number is a
-    type; without the fields to `leave_out` and those that are None."""
+    type; without the fields to `leave_out` and those that are None or an empty text."""
     fields = [field.name for field in dataclasses.fields(module) if field.name not in leave_out]  # type: ignore[arg-type]
     values = {name: getattr(module, name) for name in fields}
-    inside = ", ".join(f"{name}={value_text(value)}" for name, value in values.items() if value is not None)
+    inside = ", ".join(
+        f"{name}={value_text(value)}" for name, value in values.items() if not _is_nothing(value)
+    )
     return f"{type(module).__name__}({inside})"
+
+
+def _is_nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value)
 
 
 def value_text(value: Any) -> str:

@@ -81,8 +81,7 @@ class Plant(eqx.Module):
         return self.displayed(self.input_unit)
 
     def __repr__(self) -> str:
-        plain = [name for name in ("position_shown", "force_shown", "input_shown") if not getattr(self, name)]
-        return one_line(self, *plain, *(("hold",) if self.hold == "zero" else ()))
+        return one_line(self, *(("hold",) if self.hold == "zero" else ()))
 
 
 class Sampling(eqx.Module):
