@@ -9,10 +9,9 @@ import pytest
 
 import frictionjax
 
+ROOT = Path(frictionjax.__file__).parent
 DOORS = sorted(
-    path.parent
-    for path in Path(frictionjax.__file__).parent.rglob("__init__.py")
-    if "late_door(" in path.read_text(encoding="utf-8")
+    path.parent for path in ROOT.rglob("__init__.py") if "late_door(" in path.read_text(encoding="utf-8")
 )
 
 
@@ -20,7 +19,7 @@ DOORS = sorted(
 def test_type_checkers_see_the_names_that_are_loaded(folder):
     tree = ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))
     (seen,) = (node.body for node in tree.body if isinstance(node, ast.If))
-    package = f"frictionjax.{folder.name}"
+    package = ".".join(("frictionjax", *folder.relative_to(ROOT).parts))
     typed = {one.names[0].asname: one.module.removeprefix(f"{package}.") for one in seen}
     (call,) = (
         node.value for node in tree.body if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
