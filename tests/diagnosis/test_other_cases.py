@@ -1,6 +1,7 @@
 """Cases of other lengths, rates and numbers of recordings use the programs of the first: nothing is compiled again."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_estimation import FINE, NOISE, PLANT
@@ -71,19 +72,20 @@ def test_a_view_is_what_the_verbs_say_of_each_recording():
     bandwidth = np.minimum(SLOW_BANDWIDTH, 0.1 / np.asarray(batch.dt))
     seen = view(judgement, Scene(batch, held_out, bandwidth, tuple(one.name for one in recordings)))
     for row, recording in enumerate(recordings):
-        n, dt, x = recording.x.size, 1.0 / recording.sample_rate, recording.x
+        n, dt, x = recording.x.size, 1.0 / recording.sample_rate, jnp.asarray(recording.x)
         before = jax.tree.map(lambda leaf, row=row: leaf[row], batch.before)
         bent = z0[row] * float(PLANT.friction.Fs / PLANT.friction.sigma0)
-        start = (batch.x0[row], batch.v0[row], bent, before)
+        start = jax.tree.map(jnp.asarray, (batch.x0[row], batch.v0[row], bent, before))
         gains = observer_gains(min(SLOW_BANDWIDTH, 0.1 / dt), dt)
-        force, steps = PLANT.applied_force(recording.u, dt), batch.substeps
-        observed = observe(PLANT, force, x, dt, gains, start, substeps=steps)
+        step = jnp.asarray(dt)
+        force, steps = PLANT.applied_force(jnp.asarray(recording.u), step), batch.substeps
+        observed = observe(PLANT, force, x, step, gains, start, substeps=steps)
         horizon = ahead_samples(dt)
         ahead = predict_ahead(
-            PLANT, force, x, dt, gains, start, horizon=horizon, stride=max(horizon // 40, 1), substeps=steps
+            PLANT, force, x, step, gains, start, horizon=horizon, stride=max(horizon // 40, 1), substeps=steps
         )
         free = simulate(PLANT, recording.u, 1.0 / dt, x0=x[0], substeps=max(steps, 2), before=before).x
-        missing = residual_force(PLANT, force, x, np.asarray(dt), force_bandwidth(dt), start, substeps=steps)
+        missing = residual_force(PLANT, force, x, step, force_bandwidth(dt), start, substeps=steps)
         pairs = ((seen.ahead, ahead), (seen.free, free), (seen.v, observed.v), (seen.force, missing))
         for got, expected in pairs:
             scale = np.max(np.abs(expected))

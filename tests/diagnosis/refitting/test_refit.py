@@ -60,6 +60,7 @@ def _masked(form, absorbed, shown):
     return SimpleNamespace(form=type(form, (), {})(), absorbed=absorbed, shown=shown)
 
 
+@pytest.mark.untyped
 def test_what_would_show_and_can_be_undone_is_absorbed_by_base():
     trials = [
         _masked("Plain", 0.95, 2.0),
@@ -203,6 +204,7 @@ def test_fitted_recordings_alone_cost_the_same_and_the_way_back_leads_to_all():
     assert np.flatnonzero(moved == vector).tolist() == [whole.parameters + 1]
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(("there", "is_part"), [(0.6, True), (0.4, False)])
 def test_the_first_part_is_searched_where_it_shows_what_is_missing(there, is_part):
     def objective(misfit, **more):
@@ -243,6 +245,7 @@ def _start_at(best):
     return Start(base, None, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
 
 
+@pytest.mark.untyped
 @pytest.mark.parametrize(("best", "stay"), [(np.inf, ["A", "B", "C", "D"]), (0.0, ["A", "B", "C"])])
 def test_candidates_are_given_up_behind_the_best_that_was_refitted_before(monkeypatch, best, stay):
     """The best of these gains 0.5, the last one 0.15: more than a fifth of 0.5 and less than a fifth of 1. Nothing is

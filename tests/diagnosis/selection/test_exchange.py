@@ -17,6 +17,8 @@ from frictionjax.diagnosis.selection.round import dropping
 from frictionjax.diagnosis.selection.search import Search
 from frictionjax.physics import catalogue
 
+pytestmark = pytest.mark.untyped
+
 FORCES = frozenset({"constant_load", "gravity_pendulum"})
 
 

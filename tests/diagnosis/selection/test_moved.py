@@ -10,6 +10,8 @@ from frictionjax.diagnosis.base_model.fit_base import parameters_of
 from frictionjax.diagnosis.selection.model_spread import moved
 from frictionjax.diagnosis.table import Lead
 
+pytestmark = pytest.mark.untyped
+
 TRUTH = {name: float(getattr(PLANT.friction, name)) for name in ("sigma0", "sigma1", "sigma2", "Fc", "Fs")}
 TRUTH |= {"J": float(PLANT.J), "load": float(LOAD.load)}
 

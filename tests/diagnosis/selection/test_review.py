@@ -62,6 +62,7 @@ def test_a_parameter_that_stick_leaves_open_is_no_missing_physics(effects):
     assert all(fitted_to_all(model).judgement.within(floor, ADEQUATE)) == (not effects)
 
 
+@pytest.mark.untyped
 def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     base, scales = two
     alone = with_effect(base, "lag", scales)
@@ -75,6 +76,7 @@ def test_a_model_with_some_of_the_effects_is_the_one_fitted_with_them(two):
     assert back.fitted.misfit == pytest.approx(full.fitted.misfit, rel=1e-3)
 
 
+@pytest.mark.untyped
 def test_both_effects_that_are_there_stay(two):
     bench = Bench(*two)
     chain = bench.chain("load", "lag")
@@ -84,6 +86,7 @@ def test_both_effects_that_are_there_stay(two):
     assert bench.tables.whole(chain).gains(RULE).share > RULE.accept.enough_share
 
 
+@pytest.mark.untyped
 def test_an_effect_that_is_not_there_goes(one):
     """Accepted before the true one, it is not needed beside it."""
     bench = Bench(*one)
@@ -103,6 +106,7 @@ def _row(row, share_fit, share_held, **more):
     return dataclasses.replace(row, misfits_after=left, **more)
 
 
+@pytest.mark.untyped
 def test_after_nearly_all_only_what_ends_it_is_named(two):
     """A round beyond nearly all: what explains 90 % of the rest stays, what explains two thirds of it goes."""
     (found,) = Bench(*two).chain("load")
@@ -115,6 +119,7 @@ def test_after_nearly_all_only_what_ends_it_is_named(two):
     assert only_complete(nothing, RULE) is nothing
 
 
+@pytest.mark.untyped
 def test_what_is_likelier_is_tried_with_another_although_it_explains_too_little(two):
     (found,) = Bench(*two).chain("load")
     assert best_likelier(found.table, RULE) == 0
@@ -127,6 +132,7 @@ def test_what_is_likelier_is_tried_with_another_although_it_explains_too_little(
     assert best_likelier(dataclasses.replace(found.table, rows=rows), RULE) == 1
 
 
+@pytest.mark.untyped
 def test_two_effects_of_one_size_are_found(two):
     """Neither may be named alone."""
     base, _ = two
