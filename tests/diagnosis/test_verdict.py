@@ -137,7 +137,7 @@ def test_held_out_recordings_alone_can_tell_that_something_is_missing():
 @pytest.mark.untyped
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
-    residual = SimpleNamespace(variable="velocity", helps=helps, gains=candidate((0.5, 0.4)).gains(RULE))
+    residual = SimpleNamespace(variable="velocity", helps=helps, row=candidate((0.5, 0.4)))
     found = _unexplained(_decision("unknown", (True, 1.0)), BINS, residual)
     if helps:
         assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
