@@ -15,7 +15,7 @@ from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.estimation.start.sliding import WINDOWS, smooth_motion
 from frictionjax.recordings import Plant, Recording
 
-_SEEN = 4.0  # standard deviations of its noise above which a velocity is one
+_SIGNIFICANT = 4.0  # standard deviations of its noise above which a velocity is one
 _BENDS = 10.0  # deflections at break-away after which LuGre's bristle has its steady state
 
 
@@ -75,7 +75,7 @@ def _motion(recording: RecordingFit, plant: Plant, base: Mapping[str, Estimate])
     t, rate = recording.t, (recording.t.size - 1) / float(recording.t[-1] - recording.t[0])
     constant = plant.motor_constant or 1.0
     smooth = smooth_motion(Recording(recording.name, rate, recording.u, recording.x), constant)
-    slow = _SEEN * _noise_of_velocity(recording, plant, rate)
+    slow = _SIGNIFICANT * _noise_of_velocity(recording, plant, rate)
     if recording.drive == "motion" and recording.force is not None:
         measured, before, after = recording.force, recording.free_base, recording.free_extended
     else:

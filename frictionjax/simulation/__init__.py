@@ -7,7 +7,7 @@ from frictionjax.simulation.fixed import Trajectory as Trajectory
 from frictionjax.simulation.fixed import simulate as simulate
 from frictionjax.simulation.imposed import simulate_imposed as simulate_imposed
 from frictionjax.simulation.observer import Gains as Gains
-from frictionjax.simulation.observer import Observed as Observed
+from frictionjax.simulation.observer import ObservedMotion as ObservedMotion
 from frictionjax.simulation.observer import innovation_gain as innovation_gain
 from frictionjax.simulation.observer import innovations as innovations
 from frictionjax.simulation.observer import left_by_observer as left_by_observer

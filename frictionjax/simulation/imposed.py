@@ -36,10 +36,10 @@ from frictionjax.physics.effects.base import (
 )
 from frictionjax.simulation.fixed import Trajectory
 from frictionjax.simulation.load_side import relaxed
+from frictionjax.simulation.ros2 import LARGEST_YIELD
 from frictionjax.simulation.samples import scan_samples
 
 _REST = 1e-30  # a velocity that counts as rest and has a direction
-_BENT = 2.5  # largest yield over G/sigma0, as in the production scheme
 
 
 class _Step(NamedTuple):
@@ -83,7 +83,7 @@ def _yield_deflection(drive: Drive, level: Float[Array, "*n"]) -> Float[Array, "
     def closer(_, z):
         force, slope = jax.jvp(drive.spring_force, (z,), (jnp.ones_like(z),))
         z = z - (force - level) / jax.lax.stop_gradient(jnp.maximum(slope, 0.05 * sigma0))
-        return jnp.clip(z, 0.0, _BENT * level / sigma0)
+        return jnp.clip(z, 0.0, LARGEST_YIELD * level / sigma0)
 
     # A last step from the solution, through which the derivative of the solution passes.
     return closer(0, jax.lax.stop_gradient(jax.lax.fori_loop(0, 8, closer, z)))

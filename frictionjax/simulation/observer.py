@@ -97,7 +97,7 @@ def left_by_varying_observer(
     return jax.vmap(one)(jnp.asarray(x), gains, jnp.asarray(dt))
 
 
-class Observed(eqx.Module):
+class ObservedMotion(eqx.Module):
     """Innovations and predicted states, before each correction; shape `(n,)` (`z`: `(n, bristles)`).
 
     **Attributes:** `innovation` x_measured - x_predicted, and the prediction: `x`, `v`, `z`, and `hidden`,
@@ -157,7 +157,7 @@ def _load_kept(
     return jnp.concatenate([own, load - jnp.stack([further, faster])])
 
 
-def corrected_states(drive: Drive, observed: Observed, gains: Gains) -> State:
+def corrected_states(drive: Drive, observed: ObservedMotion, gains: Gains) -> State:
     """The states after each correction: what `observed` predicted, corrected by its innovation with `gains`.
 
     **Returns:**
@@ -183,7 +183,7 @@ def observe(
     *,
     substeps: Substeps = 1,
     samples: Int[Array, ""] | None = None,
-) -> Observed:
+) -> ObservedMotion:
     """Run the observer along one recording.
 
     **Arguments:**
@@ -199,7 +199,7 @@ def observe(
 
     **Returns:**
 
-    An `Observed`.
+    An `ObservedMotion`.
     """
     bristles = drive.bristles()
 
@@ -212,7 +212,7 @@ def observe(
 
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
     inputs = (force, x, t, gains.along(*x.shape))
-    return Observed(*scan_samples(sample, state_at(drive, start), inputs, samples))
+    return ObservedMotion(*scan_samples(sample, state_at(drive, start), inputs, samples))
 
 
 def innovations(

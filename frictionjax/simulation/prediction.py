@@ -13,7 +13,7 @@ from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start
-from frictionjax.simulation.observer import Gains, Observed, corrected_states, observe
+from frictionjax.simulation.observer import Gains, ObservedMotion, corrected_states, observe
 from frictionjax.simulation.ros2 import State, Substeps, advance
 
 # Free runs in a batch: enough to fill the vector units, few enough to fit the cache.
@@ -23,7 +23,7 @@ _BATCH = 1024
 def run_ahead(
     drive: Drive,
     force: Float[Array, " n"] | Push,
-    observed: Observed,
+    observed: ObservedMotion,
     dt: Float[Array, ""],
     gains: Gains,
     *,

@@ -24,7 +24,7 @@ _GAMMA = 1.0 - 0.5**0.5
 # takes it m h^2/(2 J) - r h^2/(12 J).
 _APART = 1.0 / 12.0 / (0.5 - _GAMMA)
 # A bristle never deflects beyond G/sigma0; an accurate step stays below this multiple of it.
-_BENT = 2.5
+LARGEST_YIELD = 2.5
 # On a way as short as this the slope of the law is that at its beginning.
 _NEAR = 1e-3
 # h C + h^2 K of a coupling, over both masses: below this, a step without A would change the speed by less than itself.
@@ -242,7 +242,7 @@ def ros2_step(
     # A step across a reversal at a bristle rate far above 1/h can overshoot the largest deflection of LuGre's bristle.
     # The excess is removed, and with it the impulse of its damping on the mass: J v + sigma1 z is conserved.
     highest = jnp.maximum(jnp.maximum(level, level_1), friction.Fs)
-    bound = jax.lax.stop_gradient(_BENT * highest / friction.sigma0)
+    bound = jax.lax.stop_gradient(LARGEST_YIELD * highest / friction.sigma0)
     if drive.has_steep_slip:
         bound = jax.lax.stop_gradient(jnp.maximum(jnp.abs(z), highest / friction.sigma0))
     excess = z2 - jnp.where(jnp.abs(z2) < bound, z2, jnp.where(z2 > 0.0, bound, -bound))

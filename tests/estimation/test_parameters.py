@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionjax.estimation.constraints import Constraints
-from frictionjax.estimation.objective.model import Model, physical
+from frictionjax.estimation.objective.model import ParametricModel, physical
 from frictionjax.estimation.parameters import (
     INSIDE,
     at_a_bound,
@@ -41,7 +41,7 @@ SCALES = {
 
 def _physical(layout, drive, vector, start):
     """Values at `vector` and their Jacobian, with ranges about `start`."""
-    return physical(Model(Constraints(layout, (), ()), drive, start), vector)
+    return physical(ParametricModel(Constraints(layout, (), ()), drive, start), vector)
 
 
 def _decades(low, high):

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import paired_lead, shares, whole_misfits, within
+from frictionjax.diagnosis.table import shares, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch, rows_of
 from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.misfit import losses_of
@@ -134,15 +134,6 @@ def explained(
     return shares(before.misfits(floor), after.misfits(floor), rule)
 
 
-def left_over(
-    misfits: tuple[float, float], explained: tuple[float, float], *, rule: Rule = Rule()
-) -> tuple[float, float]:
-    """What remains of `misfits` when these shares of them are `explained`, by the `rule`: fit, held-out."""
-    references = whole_misfits(misfits, rule)
-    fit, held = (reference * (1.0 - share) for reference, share in zip(references, explained, strict=True))
-    return fit, held
-
-
 def energy_explained(
     before: Judgement, after: Judgement, floor: Float[np.ndarray, "#r #b"], *, rule: Rule = Rule()
 ) -> tuple[float, float]:
@@ -161,16 +152,3 @@ def energy_explained(
         left = np.mean(np.maximum(np.minimum(new, cap) - noise, 0.0)) if old.size else 0.0
         removed.append(float(1.0 - left / excess) if excess > 0 else 0.0)
     return removed[0], removed[1]
-
-
-def advantage(
-    better: Judgement,
-    other: Judgement,
-    rows: Bool[np.ndarray, " r"],
-    floor: Float[np.ndarray, "#r #b"],
-    *,
-    rule: Rule = Rule(),
-) -> float:
-    """Loss of `other` minus that of `better` above the `floor`, in standard errors of the difference, from paired
-    clusters of the recordings `rows`; 0 where there are too few of them, by the `rule`."""
-    return paired_lead((other.clusters(floor) - better.clusters(floor))[rows]).in_errors(rule)

@@ -21,7 +21,7 @@ from frictionjax.simulation import observer_gains
 _RESTS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, np.inf)  # s
 _TIMES = (0.0, 0.005, 0.02, 0.1, 0.5, np.inf)  # s since a reversal
 _BENDS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # distance since a reversal over the deflection at break-away
-_SEEN = 4.0  # standard deviations of the observer's velocity below which a velocity counts as noise
+_SIGNIFICANT = 4.0  # standard deviations of the observer's velocity below which a velocity counts as noise
 
 
 class Motion(eqx.Module):
@@ -86,7 +86,7 @@ def quiet_speed(drive: Drive, scene: Scene, top: float) -> Float[np.ndarray, "r 
         impulse[0] = 1.0
         response = np.asarray(scipy.signal.lfilter([0.0, 1.0, -1.0], [1.0, -2.0 * pole, pole**2], impulse))
         deviation = float(gains.velocity) * float(np.linalg.norm(response)) * float(noise)
-        speeds.append(max(modelled, _SEEN * deviation))
+        speeds.append(max(modelled, _SIGNIFICANT * deviation))
     return np.array(speeds)[:, None]
 
 

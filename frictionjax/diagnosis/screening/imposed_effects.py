@@ -10,7 +10,7 @@ from frictionjax.core.arrays import Numbers
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.pieces import put_together
 from frictionjax.estimation.evidence import AbstractRecordings
-from frictionjax.estimation.objective.model import Model
+from frictionjax.estimation.objective.model import ParametricModel
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
 
@@ -35,7 +35,7 @@ def errors_with_effect(
 
 @compiled()
 def _side_by_side(
-    model: Model,
+    model: ParametricModel,
     drives: Drive,
     centres: Float[Numbers, "k p"],
     recordings: AbstractRecordings,
@@ -45,6 +45,8 @@ def _side_by_side(
     def lane(
         drive: Drive, centre: Float[Numbers, " p"], parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]
     ) -> Float[Numbers, "w n"]:
-        return recordings.standardised(Model(model.constraints, drive, centre).drive_of(parameters), z0)
+        return recordings.standardised(
+            ParametricModel(model.constraints, drive, centre).drive_of(parameters), z0
+        )
 
     return jax.vmap(lane)(drives, centres, parameters, z0)

@@ -17,7 +17,7 @@ from frictionjax.estimation.data.pieces import Piece, padded_lanes, put_together
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.evidence.power import block_power, sum_clusters
 from frictionjax.estimation.objective.misfit import misfit_of
-from frictionjax.estimation.objective.model import Model
+from frictionjax.estimation.objective.model import ParametricModel
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import all_columns
 from frictionjax.physics import Drive, LuGre, Push
@@ -232,7 +232,7 @@ def _signals(
 
 @compiled()
 def _injected_lanes(
-    model: Model,
+    model: ParametricModel,
     recordings: Observed,
     parameters: Float[Numbers, "k p"],
     z0: Float[Numbers, "k w"],

@@ -14,7 +14,7 @@ from frictionjax.estimation.parameters import part_of, unpack
 from frictionjax.physics import Drive
 
 
-class Model(eqx.Module):
+class ParametricModel(eqx.Module):
     """What turns free parameters into a `Drive`.
 
     **Attributes:** `constraints`, `drive` (structure and fixed parameters), `centre` of the admissible ranges, `(p,)`.
@@ -36,7 +36,7 @@ class Model(eqx.Module):
 
 
 def physical(
-    model: Model, parameters: Float[Numbers, " p"]
+    model: ParametricModel, parameters: Float[Numbers, " p"]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
     """Physical values of the free and then of the tied parameters of `model`, shape `(k,)`, and their Jacobian by the
     free `parameters`, shape `(k, p)`: for the delta method."""
@@ -46,7 +46,7 @@ def physical(
 
 @compiled()
 def _physical(
-    model: Model, parameters: Float[Numbers, " p"]
+    model: ParametricModel, parameters: Float[Numbers, " p"]
 ) -> tuple[Float[Numbers, " k"], Float[Numbers, "k p"]]:
     return model.values_of(parameters), jax.jacfwd(model.values_of)(parameters)
 
@@ -54,7 +54,10 @@ def _physical(
 # Higher levels of XLA compile for longer, and the loop is no faster for it.
 @compiled(options={"xla_backend_optimization_level": 1})
 def with_slopes(
-    model: Model, evidence: AbstractEvidence, parameters: Float[Numbers, " p"], z0: Float[Numbers, " w"]
+    model: ParametricModel,
+    evidence: AbstractEvidence,
+    parameters: Float[Numbers, " p"],
+    z0: Float[Numbers, " w"],
 ) -> tuple[Float[Numbers, "w n"], Float[Numbers, "k w n"]]:
     """Errors of a piece of evidence, and the columns of their derivatives by the parameters and by each own starting
     deflection."""
@@ -72,7 +75,7 @@ def with_slopes(
 
 @compiled()
 def side_by_side(
-    model: Model,
+    model: ParametricModel,
     recordings: AbstractRecordings,
     parameters: Float[Numbers, "k p"],
     z0: Float[Numbers, "k w"],

@@ -22,7 +22,7 @@ from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings
 from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.loss import AbstractLoss
 from frictionjax.estimation.objective.misfit import misfit_of
-from frictionjax.estimation.objective.model import Model, side_by_side, with_slopes
+from frictionjax.estimation.objective.model import ParametricModel, side_by_side, with_slopes
 from frictionjax.estimation.objective.quadratic import (
     AbstractObjective,
     Evaluation,
@@ -115,10 +115,10 @@ class Posterior(AbstractObjective):
         )
 
     @property
-    def model(self) -> Model:
+    def model(self) -> ParametricModel:
         """What turns its parameters into a `Drive`."""
         _, (start,) = known(self.start)
-        return Model(self.constraints, self.drive, start[: self.parameters])
+        return ParametricModel(self.constraints, self.drive, start[: self.parameters])
 
     def drive_of(self, vector: Float[Numbers, " q"]) -> Drive:
         """The `Drive` of a free vector, shape `(q,)`."""

@@ -9,15 +9,15 @@ from helpers_estimation import FINE, PLANT, RATE, small_case
 from frictionjax.diagnosis.evidence.judgement import (
     Judgement,
     Scene,
-    advantage,
     energy_explained,
     explained,
     judge,
-    left_over,
 )
 from frictionjax.diagnosis.evidence.noise_floor import colour
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View, held_out_error, view
+from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.table import paired_lead
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import Ending, Fitted
 from frictionjax.estimation.objective.misfit import losses_of
@@ -108,8 +108,11 @@ def test_the_explained_share_is_that_of_the_misfit_above_the_floor(quiet, before
     judged = [_judged(quiet, floor * _powers(quiet, *misfits)) for misfits in (before, after)]
     assert judged[0].misfits(ground) == pytest.approx(before, abs=1e-9)
     assert explained(*judged, ground) == pytest.approx(shares, abs=1e-9)
-    if max(before) > 0.0:
-        assert left_over(before, shares) == pytest.approx(after, abs=1e-9)
+
+
+def _lead(better, other, rows, floor):
+    """By how many standard errors a judgement leads the `other` on these `rows`."""
+    return paired_lead((other.clusters(floor) - better.clusters(floor))[rows]).in_errors(Rule())
 
 
 def _with_losses(batch, lead):
@@ -130,10 +133,10 @@ def test_a_lead_is_counted_in_its_own_standard_errors(quiet):
     # Clusters in which both are the same (no samples, or no difference) say nothing.
     paired = lead[lead != 0.0]
     expected = paired.sum() / (np.sqrt(5) * paired.std())
-    assert advantage(ours, theirs, rows, NOISE) == pytest.approx(expected)
-    assert advantage(theirs, ours, rows, NOISE) == -advantage(ours, theirs, rows, NOISE)
+    assert _lead(ours, theirs, rows, NOISE) == pytest.approx(expected)
+    assert _lead(theirs, ours, rows, NOISE) == -_lead(ours, theirs, rows, NOISE)
     # Three clusters are too few to know their scatter.
-    assert advantage(ours, theirs, np.array([True, False]), NOISE) == 0.0
+    assert _lead(ours, theirs, np.array([True, False]), NOISE) == 0.0
 
 
 def test_noise_against_noise_leads_by_no_more_than_chance():
@@ -141,7 +144,7 @@ def test_noise_against_noise_leads_by_no_more_than_chance():
     rng = np.random.default_rng(5)
     rows = np.array([True])
     leads = [
-        advantage(
+        _lead(
             *(
                 _judged(batch, 1.0 + 0.1 * rng.standard_normal(batch.block_count.shape), (False,))
                 for _ in "ab"
@@ -212,7 +215,7 @@ def test_a_wrong_model_misfits_where_it_is_wrong(judged, small):
     # Coulomb friction shows in sliding: hardly in the stick recording, plainly in the moves.
     assert np.sum(lost["moves"]) > 20.0 * abs(np.sum(lost["stick"]))
     rows = np.ones(len(names), bool)
-    assert advantage(true, wrong, rows, NOISE) > 2.5
+    assert _lead(true, wrong, rows, NOISE) > 2.5
     share_fit, share_holdout = explained(wrong, true, NOISE)
     assert share_fit == pytest.approx(1.0, abs=0.15)
     assert share_holdout == pytest.approx(1.0, abs=0.15)
