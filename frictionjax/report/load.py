@@ -112,11 +112,13 @@ def _if_there(root: Table, name: str, kind: Callable[..., _T]) -> _T | None:
 
 def _ceiling(root: Table) -> Ceiling | None:
     """What a free force would explain; None where it was not asked."""
-    found = _if_there(root, "ceiling", Ceiling)
-    if found is None or not found.recordings:  # earlier versions did not say it of each recording
-        return found
-    rows = root.table("ceiling").listed("recordings")
-    return dataclasses.replace(found, recordings=tuple(OneStep(**_numbered(entry.content)) for entry in rows))
+    if root.content.get("ceiling") is None:
+        return None
+    table = root.table("ceiling")
+    # Earlier versions did not say it of each recording.
+    rows = table.listed("recordings") if "recordings" in table.content else ()
+    whole = {name: value for name, value in table.content.items() if name != "recordings"}
+    return Ceiling(**_numbered(whole), recordings=tuple(OneStep(**_numbered(row.content)) for row in rows))
 
 
 def _as_given(root: Table) -> SimulationAsGiven | None:
