@@ -30,6 +30,8 @@ TOGETHER = [
 """Files whose tests start from the same fits: one worker runs them all, and fits once."""
 
 LONG = (
+    "tests/report/test_stopped.py",
+    "tests/benchmarks/test_hostile.py",
     "tests/house/test_traces.py",
     *TOGETHER[0],
     "tests/diagnosis/test_pipeline.py",
@@ -38,7 +40,8 @@ LONG = (
     "tests/estimation/test_fit.py",
     "tests/frequency/test_bla.py",
 )
-"""Files that take longest, begun first: at the end no worker waits long for another."""
+"""Files that take longest, begun first: at the end no worker waits long for another. Before them, those that copy their
+process: a copy of one that has compiled much takes four times as long."""
 
 COMPILED_PLAINLY = (
     "tests/estimation/test_parameters.py",

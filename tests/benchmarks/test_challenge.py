@@ -34,6 +34,7 @@ from benchmarks.concealed.reality import EFFECTS
 from benchmarks.concealed.reveal import answers_of
 from benchmarks.concealed.seal import BrokenSeal, open_seal
 from benchmarks.concealed.solve import shared_out, solve
+from frictionjax.diagnosis import Rule
 from frictionjax.physics.effects import catalogue
 
 ROOT = Path(__file__).parents[2]
@@ -166,7 +167,7 @@ def test_solving_needs_no_truth_and_goes_on_where_it_stopped(tmp_path):
         == 2.0
     )
     began = json.loads((batch / "solved" / "solver.json").read_text())
-    assert began["thresholds"]["diagnosis.rule.accept.lead"] == [2.0]
+    assert began["thresholds"]["diagnosis.rule.accept.lead"] == [Rule().accept.lead]
     assert began["sealed"] == json.loads((batch / "seal.json").read_text())["sha256"]
 
 
