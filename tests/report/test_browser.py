@@ -10,6 +10,7 @@ from html import unescape
 from pathlib import Path
 from typing import NamedTuple
 
+import pypdf
 import pytest
 from helpers_diagnosis import fake_diagnosis
 
@@ -128,7 +129,6 @@ class Paper(NamedTuple):
 @pytest.fixture(scope="module", params=["letter", "a4", "210mm 245mm", "210mm 225mm"])
 def paper(page, tmp_path_factory, request):
     """The page on sheets of several heights, so that they end at many places of it."""
-    pypdf = pytest.importorskip("pypdf")
     folder = tmp_path_factory.mktemp("paper")
     file, printed = folder / "report.html", folder / "report.pdf"
     sized = page.replace("</head>", f"<style>@page {{ size: {request.param} }}</style></head>")

@@ -1,6 +1,7 @@
 """What a file holds, by its first bytes: for files whose suffix says nothing, or another format than their content."""
 
 import gzip
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -118,12 +119,16 @@ def _kind(head: bytes, path: Path, file: str) -> Kind | None:
     return None
 
 
+_DAMAGED = (zipfile.BadZipFile, struct.error, OSError, ValueError, OverflowError, NotImplementedError)
+"""What zipfile raises for an archive whose list of names it cannot read."""
+
+
 def _archive(path: Path) -> Kind | None:
     """What a zip archive is, by the names in it; None for one of other files, and a damaged one."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-    except Exception:  # whatever a damaged file makes of zipfile: its reader says what is wrong with it
+    except _DAMAGED:  # its reader says what is wrong with it
         return None
     if names and all(name.endswith(".npy") for name in names):
         return Kind("a NumPy archive", ".npz", "")
