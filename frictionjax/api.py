@@ -64,6 +64,7 @@ from frictionjax.physics import LuGre as LuGre
 from frictionjax.physics import catalogue as catalogue
 from frictionjax.physics import linearize as linearize
 from frictionjax.recordings import Case as Case
+from frictionjax.recordings import Controller as Controller
 from frictionjax.recordings import Given as Given
 from frictionjax.recordings import GivenEffect as GivenEffect
 from frictionjax.recordings import GivenModel as GivenModel
@@ -81,6 +82,7 @@ from frictionjax.report import save_diagnosis as save_diagnosis
 from frictionjax.simulation import Trajectory as Trajectory
 from frictionjax.simulation import simulate as simulate
 from frictionjax.simulation import simulate_batch as simulate_batch
+from frictionjax.simulation import simulate_closed_loop as simulate_closed_loop
 from frictionjax.simulation import simulate_imposed as simulate_imposed
 from frictionjax.studies import Axis as Axis
 from frictionjax.studies import Calibration as Calibration
@@ -116,6 +118,7 @@ __all__ = [
     "Case",
     "Cauchy",
     "CompiledTask",
+    "Controller",
     "DesignedMultisine",
     "Diagnosis",
     "DiagnosisTask",
@@ -206,6 +209,7 @@ __all__ = [
     "save_fit",
     "simulate",
     "simulate_batch",
+    "simulate_closed_loop",
     "simulate_imposed",
     "summarise",
     "urdf_dynamics",

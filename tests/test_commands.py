@@ -15,8 +15,8 @@ from frictionjax.cli import main
 from frictionjax.cli.cases import OPTIONS
 from frictionjax.core import Estimate, FrictionjaxWarning
 from frictionjax.physics import Drive, LuGre
-from frictionjax.recordings import load_case
-from frictionjax.recordings.schema import CASE_KEYS, PLANT_KEYS, RECORDING_KEYS
+from frictionjax.recordings import Controller, load_case
+from frictionjax.recordings.schema import CASE_KEYS, CONTROLLER_KEYS, PLANT_KEYS, RECORDING_KEYS
 from frictionjax.report.save import verdict_json
 
 N = 1200
@@ -118,6 +118,9 @@ def test_a_new_case_file_describes_what_was_read(files, capsys):
         "--start-time",
         "0",
         "60",
+        "--controller",
+        "kp=16",
+        "kd=0.3",
     ]
     assert main(["case", "new", *BOTH, *options, "--out", "case.toml"]) == 0
     text = (files / "case.toml").read_text()
@@ -126,23 +129,25 @@ def test_a_new_case_file_describes_what_was_read(files, capsys):
     assert table["plant"] == {"motor_constant": 16.0, "input_unit": "A"}
     assert [one["interval"] for one in table["recording"]] == [[0.0, 2.0], [0.1, 2.3]]
     assert table["recording"][0]["columns"] == {"t": "Time [ms]", "u": "Current [A]", "x": "Position [mm]"}
-    for key in (*PLANT_KEYS, *RECORDING_KEYS):
+    for key in (*PLANT_KEYS, *RECORDING_KEYS, *CONTROLLER_KEYS):
         assert f"\n{key} = " in text or f"\n# {key} = " in text, key
     again = read(files / "case.toml")
     assert [(r.role, r.loop, r.start_time, r.x.size) for r in again.recordings] == [
         ("fit", "closed", 0.0, 1000),
         ("holdout", "closed", 60.1, 1100),
     ]
+    assert again.controller == Controller(kp=16.0, kd=0.3)
 
 
 def test_every_example_in_a_new_case_file_is_right(files, capsys):
     main(["case", "new", *BOTH])
     lines = capsys.readouterr().out.splitlines()
-    keys = (*PLANT_KEYS, *RECORDING_KEYS)
+    keys = (*PLANT_KEYS, *RECORDING_KEYS, *CONTROLLER_KEYS, "[controller]")
     given = [
         line.removeprefix("# ") if line.split(" = ")[0].removeprefix("# ") in keys else line for line in lines
     ]
     table = tomllib.loads("\n".join(given))
+    assert set(table["controller"]) == set(CONTROLLER_KEYS)
     assert set(table["plant"]) == set(PLANT_KEYS)
     assert set(table["recording"][1]) == set(RECORDING_KEYS)
 

@@ -71,6 +71,14 @@ def case_options(command: argparse.ArgumentParser) -> None:
         choices=("open", "closed"),
         help="closed: the input answers to the measured position (default: open)",
     )
+    _pairs(
+        group,
+        "--controller",
+        "NUMBER",
+        float,
+        "kp, ki, kd, limit and rate (Hz) of the controller of the position, for closed-loop free runs: kp=16 kd=0.3",
+        name="KEY",
+    )
     group.add_argument(
         "--drive",
         choices=("force", "motion"),
@@ -95,21 +103,21 @@ def case_options(command: argparse.ArgumentParser) -> None:
 _UNITS = {"position": "rad", "force": "N*m", "input": "V"}
 
 
-def _pairs(group: Any, option: str, value: str, kind: type, meaning: str) -> None:
+def _pairs(group: Any, option: str, value: str, kind: type, meaning: str, name: str = "ROLE") -> None:
     def pair(text: str) -> tuple[str, Any]:
-        role, sign, given = text.partition("=")
-        if not sign or not role.strip() or not given.strip():
-            problem = f"{text!r} is not ROLE={value}, such as {_EXAMPLES[option]}"
+        key, sign, given = text.partition("=")
+        if not sign or not key.strip() or not given.strip():
+            problem = f"{text!r} is not {name}={value}, such as {_EXAMPLES[option]}"
             raise argparse.ArgumentTypeError(f"{problem}; files stand before the options")
         try:
-            return role.strip(), kind(given)
+            return key.strip(), kind(given)
         except ValueError:
             raise argparse.ArgumentTypeError(f"{given!r} in {text!r} is not a number") from None
 
-    group.add_argument(option, nargs="+", action="extend", type=pair, metavar=f"ROLE={value}", help=meaning)
+    group.add_argument(option, nargs="+", action="extend", type=pair, metavar=f"{name}={value}", help=meaning)
 
 
-_EXAMPLES = {"--columns": "x=Position", "--unit": "x=mm", "--scale": "u=-1"}
+_EXAMPLES = {"--columns": "x=Position", "--unit": "x=mm", "--scale": "u=-1", "--controller": "kp=16"}
 
 
 def _interval(text: str) -> tuple[float, float]:

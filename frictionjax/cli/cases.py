@@ -27,9 +27,10 @@ OPTIONS = {
     "drive": "--drive",
     "start_time": "--start-time",
     "interval": "--interval",
+    "controller": "--controller",
 }
 """Key of a case -> the option that sets it for recordings without a case file."""
-_BY_ROLE = ("columns", "units", "scale")
+_BY_NAME = {"columns": "role", "units": "role", "scale": "role", "controller": "key"}
 _BY_FILE = ("start_time", "interval")
 
 
@@ -71,11 +72,11 @@ def options_of(arguments: "argparse.Namespace") -> dict[str, Any]:
         value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
         if value is None or value == []:
             continue
-        if key in _BY_ROLE:
-            roles = [role for role, _ in value]
-            twice = next((role for role in roles if roles.count(role) > 1), None)
+        if key in _BY_NAME:
+            names = [name for name, _ in value]
+            twice = next((name for name in names if names.count(name) > 1), None)
             if twice:
-                raise InputError(f"`{option}` gives `{twice}` twice", cure="Give each role once")
+                raise InputError(f"`{option}` gives `{twice}` twice", cure=f"Give each {_BY_NAME[key]} once")
             value = dict(value)
         elif key in _BY_FILE:
             if len(value) not in (1, files):
@@ -128,6 +129,7 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         lines += ["", "[[recording]]"]
         lines += [_line(key, values.get(key), *_RECORDING[key]) for key in _RECORDING]
         lines += [f"# {sentence}" for sentence in _seen(case, place, len(files))]
+    lines += ["", *_controller_lines(given.get("controller"))]
     if len(files) == 1:
         lines += [
             "",
@@ -136,6 +138,12 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         ]
         lines += ['# file = "another.csv"', '# role = "holdout"']
     return "\n".join(lines) + "\n"
+
+
+def _controller_lines(given: dict[str, float] | None) -> list[str]:
+    """The table of the controller, as comments where it is not `given`."""
+    keys = [_line(key, (given or {}).get(key), *_CONTROLLER[key]) for key in _CONTROLLER]
+    return ["[controller]" if given else "# [controller]", *keys]
 
 
 def _columns_of(file: str, given: dict[str, Any]) -> dict[str, str]:
@@ -214,3 +222,11 @@ _RECORDING: dict[str, tuple[Any, str]] = {
     "interval": ([0.0, 12.5], "s of the file's own time: the part to use"),
 }
 """Key of `[[recording]]` -> an example and what it means."""
+_CONTROLLER: dict[str, tuple[Any, str]] = {
+    "kp": (16.0, 'of the position, input unit per position unit, where loop = "closed"'),
+    "ki": (40.0, "input unit per position unit and s"),
+    "kd": (0.3, "input unit s per position unit"),
+    "limit": (10.0, "largest |u| that it gives"),
+    "rate": (1000.0, "Hz, of the controller; else that of the recordings"),
+}
+"""Key of `[controller]` -> an example and what it means."""

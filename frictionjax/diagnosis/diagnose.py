@@ -23,9 +23,16 @@ from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View, view
-from frictionjax.diagnosis.findings.as_given import BOTH, as_given, simulation_as_given, where_it_misses
+from frictionjax.diagnosis.findings.as_given import (
+    BOTH,
+    as_given,
+    drive_as_given,
+    simulation_as_given,
+    where_it_misses,
+)
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.ceiling import ceiling_of
+from frictionjax.diagnosis.findings.closed_loop import closed_loops
 from frictionjax.diagnosis.findings.missing import missing_effects, where_each_acts
 from frictionjax.diagnosis.findings.next_experiment import experiments_for
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
@@ -261,8 +268,13 @@ def _diagnose(
     unexplained = _unexplained(decision, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
-    given = as_given(starting, scene, tuple(effect.silenced() for effect in beyond))
-    fits = recording_fits(starting.recordings, scene, base_view, extended_view, base.judgement.drive, given)
+    silent = tuple(effect.silenced() for effect in beyond)
+    given, drive = as_given(starting, scene, silent), base.judgement.drive
+    models = {"base": drive.with_effects(*silent), "extended": final.judgement.drive}
+    if starting.own.complete:
+        models["given"] = drive_as_given(starting, silent)
+    closed = closed_loops(case.controller, starting.recordings, scene, models, executor)
+    fits = recording_fits(starting.recordings, scene, base_view, extended_view, drive, given, closed)
     misses = where_it_misses(given, base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     compared = simulation_as_given(given, fits, plant, misses, extended=final is not base)
     if given is not None and given.source == "column" and starting.own.complete:

@@ -36,6 +36,25 @@ class Horizon:
     standstill: float
 
 
+@dataclass(frozen=True)
+class ClosedLoop:
+    """How far the models are off from the first sample to the last when the user's own controller drives them.
+
+    **Attributes:** `base`, `extended`, `given` (root mean square errors of the position, position units; the last None
+    where the user's own model is not given in full), `input_base`, `input_extended`, `input_given` (of the input that
+    the controller gives against the recorded one, input units), `law` (part of the variance of the recorded input that
+    the controller's gains make of the recorded reference less the measured position; None without a reference).
+    """
+
+    base: float
+    extended: float
+    input_base: float
+    input_extended: float
+    given: float | None = None
+    input_given: float | None = None
+    law: float | None = None
+
+
 class RecordingFit(eqx.Module):
     """Measured against base and extended model, for one recording; every array has shape `(n,)`.
 
@@ -48,9 +67,10 @@ class RecordingFit(eqx.Module):
     user's own simulation as it was given, `free_given`, `free_run_rmse_given`, `increment_rmse_given` and
     `prediction_rmse_given`; None where there is none, and no prediction where it is a column of the recording, which
     no measured sample corrects. `horizons`: errors one sample, 0.1 s and 1 s ahead, and over the whole recording;
-    `unmeasured_base`, `unmeasured_extended`: the part of the residual force that noise does not explain. With `drive =
-    "motion"` the model columns and the errors are those of the force, in force units, `force` is the measured one, and
-    there are no `horizons`.
+    `unmeasured_base`, `unmeasured_extended`: the part of the residual force that noise does not explain;
+    `closed_loop`: the errors under the user's own controller, None where there is none or the loop was open. With
+    `drive = "motion"` the model columns and the errors are those of the force, in force units, `force` is the measured
+    one, and there are no `horizons`.
     """
 
     name: str = eqx.field(static=True)
@@ -81,3 +101,4 @@ class RecordingFit(eqx.Module):
     horizons: tuple[Horizon, ...] = eqx.field(static=True, default=())
     unmeasured_base: Unmeasured | None = eqx.field(static=True, default=None)
     unmeasured_extended: Unmeasured | None = eqx.field(static=True, default=None)
+    closed_loop: ClosedLoop | None = eqx.field(static=True, default=None)

@@ -58,7 +58,7 @@ class KnownJoint(eqx.Module):
                     cure="Leave it out of the case, or correct the gear of the motor",
                 )
             plant = case.plant
-        return Case(case.name, plant, case.recordings, self.model)
+        return dataclasses.replace(case, plant=plant, model=self.model)
 
     def toml(self) -> str:
         """The same as the lines of a case file."""

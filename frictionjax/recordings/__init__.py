@@ -4,6 +4,7 @@ from frictionjax.recordings.audit import Audit as Audit
 from frictionjax.recordings.audit import audit as audit
 from frictionjax.recordings.case import case_from_files as case_from_files
 from frictionjax.recordings.case import load_case as load_case
+from frictionjax.recordings.controller import Controller as Controller
 from frictionjax.recordings.frame import recording_from_frame as recording_from_frame
 from frictionjax.recordings.hold_out import hold_out_last_third as hold_out_last_third
 from frictionjax.recordings.recording import Case as Case

@@ -17,6 +17,7 @@ from frictionjax.recordings.columns import (
     labelled,
     shown_as_read,
 )
+from frictionjax.recordings.controller_table import parse_controller
 from frictionjax.recordings.copies import copied_from
 from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.limits import CASE_FILE, NESTING, reading
@@ -94,6 +95,7 @@ def case_from_files(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     scale: Mapping[str, float] | None = None,
+    controller: Mapping[str, float] | None = None,
     limit: float | None = None,
     needs_holdout: bool = True,
 ) -> Case:
@@ -120,6 +122,7 @@ def case_from_files(
         people use for these, with a warning.
     - `units`: units of columns whose headers do not say them, by role.
     - `scale`: factors to the units above, by role.
+    - `controller`: `kp`, `ki`, `kd`, `limit` and `rate` of that of the recordings made in closed loop; absent: unknown.
     - `limit`, `needs_holdout`: as in `load_case`.
 
     **Returns:** the `Case`, as from `load_case`.
@@ -147,6 +150,8 @@ def case_from_files(
     }
     if name is not None:
         table["name"] = name
+    if controller is not None:
+        table["controller"] = dict(controller)
     fallback = stem(Path(given[0][0])) if given else ""
     with reading(limit):
         return _build(table, fallback, Path(), Spot(None), needs_holdout=needs_holdout)
@@ -263,7 +268,8 @@ def _build(
     _require_originals(recordings, entries)
     plant = shown_as_read(plant, given, chosen, entries)
     model = parse_model(table.get("model"), spot.source)
-    case = Case(name=name, plant=plant, recordings=tuple(recordings), model=model)
+    controller = parse_controller(table.get("controller"), recordings, spot.source)
+    case = Case(name, plant, recordings, model, controller)
     return hold_out_last_third(case) if len(recordings) == 1 else case
 
 

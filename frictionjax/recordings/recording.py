@@ -12,6 +12,7 @@ from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, 
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.core.front_door import public_verb
 from frictionjax.core.quantities import DisplayUnit
+from frictionjax.recordings.controller import Controller
 from frictionjax.recordings.units import parse_unit, turn_of
 
 # A time step that deviates from the nominal one by more than this part of it is jitter, and is resampled.
@@ -237,17 +238,24 @@ class Case(AbstractDisplayed):
     - `plant`: the `Plant`; each of the recordings is given it, so that what is known of the machine goes with them.
     - `recordings`: all recordings, in the order of the case file.
     - `model`: the user's own model of the machine; None where there is none.
+    - `controller`: that of the recordings made in closed loop; None where it is not known.
     """
 
     name: str = eqx.field(static=True)
     plant: Plant
     recordings: tuple[Recording, ...]
     model: GivenModel | None = None
+    controller: Controller | None = None
 
     def __init__(
-        self, name: str, plant: Plant, recordings: Sequence[Recording], model: GivenModel | None = None
+        self,
+        name: str,
+        plant: Plant,
+        recordings: Sequence[Recording],
+        model: GivenModel | None = None,
+        controller: Controller | None = None,
     ) -> None:
-        self.name, self.plant, self.model = name, plant, model
+        self.name, self.plant, self.model, self.controller = name, plant, model, controller
         self.recordings = tuple(
             one if one.plant is plant else dataclasses.replace(one, plant=plant) for one in recordings
         )

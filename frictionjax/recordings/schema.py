@@ -11,7 +11,8 @@ from frictionjax.recordings.units import MEASURED_IN, parse_unit
 from frictionjax.recordings.words import listed, nearest, shown
 
 ROLES = ("t", "u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
-CASE_KEYS = ("name", "plant", "recording", "model")
+CASE_KEYS = ("name", "plant", "recording", "model", "controller")
+CONTROLLER_KEYS = ("kp", "ki", "kd", "limit", "rate")
 PLANT_KEYS = (
     "motor_constant",
     "position_unit",

@@ -14,7 +14,7 @@ from frictionjax.core import Estimate, InputError
 from frictionjax.diagnosis.checked import Check, CheckedAnswer, CheckedName
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
-from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit, Unmeasured
+from frictionjax.diagnosis.recording_fit import ClosedLoop, Horizon, RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import SCHEMA as COMPARISONS
 from frictionjax.diagnosis.table import OtherDecision, table_of
@@ -260,6 +260,7 @@ def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) 
         horizons=tuple(Horizon(**_numbered(one.content)) for one in horizons),
         unmeasured_base=_if_there(entry.table("base"), "unmeasured_force", Unmeasured),
         unmeasured_extended=_if_there(entry.table("extended"), "unmeasured_force", Unmeasured),
+        closed_loop=_if_there(entry, "closed_loop", ClosedLoop),
         drive="motion" if "force" in columns else "force",
         residual_force_extended=np.array([_number(force) for force in left]),
         noise_floor=entry.number("noise_floor"),

@@ -271,7 +271,12 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
         lacking = getattr(recording, f"unmeasured_{model}")
         errors[model]["unmeasured_force"] = lacking and dataclasses.asdict(lacking)
     horizons = [dataclasses.asdict(horizon) for horizon in recording.horizons]
-    return {"role": recording.role, "noise_floor": recording.noise_floor, **errors, "horizons": horizons}
+    found = {"role": recording.role, "noise_floor": recording.noise_floor, **errors, "horizons": horizons}
+    if recording.closed_loop is not None:
+        # What it has not is absent: null is a number that is not finite.
+        closed = dataclasses.asdict(recording.closed_loop)
+        found["closed_loop"] = {name: value for name, value in closed.items() if value is not None}
+    return found
 
 
 def _write_numbers(diagnosis: Diagnosis, directory: Path) -> None:

@@ -1,6 +1,7 @@
 """Simulation: the fixed-step scheme for sampled data, the diffrax reference, observers and windowed prediction."""
 
 from frictionjax.simulation.batch import simulate_batch as simulate_batch
+from frictionjax.simulation.closed_loop import simulate_closed_loop as simulate_closed_loop
 from frictionjax.simulation.disturbance import residual_force as residual_force
 from frictionjax.simulation.disturbance import residual_force_std as residual_force_std
 from frictionjax.simulation.fixed import Trajectory as Trajectory

@@ -26,7 +26,8 @@ class Trajectory(AbstractDisplayed):
     **Attributes:** `t` (s), `x` (position), `v` (position/s), `z` (deflection of each bristle, position),
     `friction` (opposing force: friction (1) and the force effects, force), `measured` (output of the position sensor:
     `x` as modified by effects on the sensor, without noise or quantisation); `substeps` (steps per sample),
-    `error` (estimated largest error of `x`, position; None unless `substeps` was `"auto"`).
+    `error` (estimated largest error of `x`, position; None unless `substeps` was `"auto"`); `u` (input that a
+    controller gave, input units; None in an open loop).
     """
 
     t: Float[Array, " n"]
@@ -37,11 +38,13 @@ class Trajectory(AbstractDisplayed):
     measured: Float[Array, " n"]
     substeps: int | None = eqx.field(static=True, default=None)
     error: float | None = eqx.field(static=True, default=None)
+    u: Float[Array, " n"] | None = None
 
     def _display(self) -> Display:
         rows = [("t", self.t, "s"), ("x", self.x, "position"), ("v", self.v, "position/s")]
         rows += [("z", self.z, "position"), ("friction", self.friction, "force")]
         rows += [("measured", self.measured, "position")]
+        rows += [] if self.u is None else [("u", self.u, "input")]
         title = f"Trajectory of {self.t.shape[-1]} samples"
         return Display(title, (), (Grid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
 
@@ -52,19 +55,23 @@ class Trajectory(AbstractDisplayed):
     def to_dataframe(self) -> Any:
         """A pandas DataFrame over `t`: `x`, `v`, `friction`, `measured`, and `z1`, `z2`, ... for the bristles."""
         bristles = {f"z{k + 1}": self.z[:, k] for k in range(self.z.shape[1])}
-        signals = {"x": self.x, "v": self.v, "friction": self.friction, "measured": self.measured}
+        signals = {name: getattr(self, name) for name in self._signals()}
         return to_dataframe({"t": self.t, **signals, **bristles}, {"t": "s", **_UNITS}, index="t")
 
     def to_xarray(self) -> Any:
         """An xarray Dataset over `t`, with `z` over `bristle`, too."""
-        arrays = {name: (("t",), getattr(self, name)) for name in ("x", "v", "friction", "measured")}
+        arrays = {name: (("t",), getattr(self, name)) for name in self._signals()}
         coordinates = {"t": self.t, "bristle": range(self.z.shape[1])}
+        units = {name: _UNITS[name] for name in arrays}
         return to_xarray(
-            {**arrays, "z": (("t", "bristle"), self.z)}, coordinates, {"t": "s", **_UNITS, "z": "position"}
+            {**arrays, "z": (("t", "bristle"), self.z)}, coordinates, {"t": "s", **units, "z": "position"}
         )
 
+    def _signals(self) -> tuple[str, ...]:
+        return ("x", "v", "friction", "measured", *(() if self.u is None else ("u",)))
 
-_UNITS = {"x": "position", "v": "position/s", "friction": "force", "measured": "position"}
+
+_UNITS = {"x": "position", "v": "position/s", "friction": "force", "measured": "position", "u": "input"}
 
 
 Start = (

@@ -28,7 +28,7 @@ EXPECTED = sorted(
         "DiscriminationTask",
         *("run_study", "load_study", "summarise", "level_sweep", "compare_estimators", "check_diagnosis"),
         *("Calibration", "calibration_of", "calibration_study"),
-        *("configure_jax", "simulate_batch", "simulate_imposed"),
+        *("configure_jax", "simulate_batch", "simulate_closed_loop", "simulate_imposed", "Controller"),
         *("Observation", "Gaussian", "Cauchy", "Huber", "Replicas", "fit_many"),
         *("Given", "GivenEffect", "GivenModel"),
         *("Profile", "profile_likelihood", "Bootstrap", "bootstrap"),

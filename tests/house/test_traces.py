@@ -37,11 +37,8 @@ from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.physics import Drive, LuGre, catalogue
 from frictionjax.simulation import observer_gains, predict_ahead, simulate_reference
 
-OTHER = Drive(
-    J=2.0,
-    friction=LuGre(sigma0=1.2e5, sigma1=300.0, sigma2=0.5, Fc=1.1, Fs=1.4, vs=2e-3),
-    motor_constant=3,
-)
+FRICTION = LuGre(sigma0=1.2e5, sigma1=300.0, sigma2=0.5, Fc=1.1, Fs=1.4, vs=2e-3)
+OTHER = Drive(J=2.0, friction=FRICTION, motor_constant=3)
 DRIVES = (TABLE_I, OTHER)
 RATES = (2000.0, 1000)  # a whole number is a number too
 Call = Callable[[], object]
@@ -64,6 +61,11 @@ def _simulate_with_every_effect(k) -> Call:
 def _simulate_to_a_tolerance(k) -> Call:
     u = 0.1 * _noise(k, 303)
     return lambda: api.simulate(TABLE_I, u, RATES[0], substeps="auto", tolerance=1e-6 * (1 + k))
+
+
+def _simulate_closed_loop(k) -> Call:
+    law = api.Controller(kp=10.0 + k, kd=0.1, limit=5.0 + k)
+    return lambda: api.simulate_closed_loop(DRIVES[k], 1e-6 * _noise(k, 315), RATES[k], law)
 
 
 def _simulate_batch(k) -> Call:
@@ -261,6 +263,7 @@ TRACED = (
     Traced("simulate", _simulate),
     Traced("simulate", _simulate_with_every_effect, ("numbers_of_effects",)),
     Traced("simulate", _simulate_to_a_tolerance, ("tolerance",)),
+    Traced("simulate_closed_loop", _simulate_closed_loop),
     Traced("simulate_batch", _simulate_batch),
     Traced("simulation.simulate_reference", _simulate_reference),
     Traced("simulation.predict_ahead", _predict_ahead),

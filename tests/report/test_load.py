@@ -10,7 +10,7 @@ from helpers_diagnosis import adequate_diagnosis, fake_check, fake_diagnosis, fa
 
 import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
-from frictionjax.diagnosis.recording_fit import Unmeasured
+from frictionjax.diagnosis.recording_fit import ClosedLoop, Unmeasured
 from frictionjax.diagnosis.rule import Limits, Rule
 from frictionjax.diagnosis.table import Comparison, Lead, OtherDecision, Table
 from frictionjax.diagnosis.verdict import Ceiling, MismatchBin, NextExperiment, OneStep, SimulationAsGiven
@@ -68,7 +68,11 @@ def _as_given(recording):
     if recording.role == "fit":
         return dataclasses.replace(recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125)
     return dataclasses.replace(
-        recording, free_run_rmse_given=0.25, free_given=recording.x + 1e-4, increment_rmse_given=0.0625
+        recording,
+        free_run_rmse_given=0.25,
+        free_given=recording.x + 1e-4,
+        increment_rmse_given=0.0625,
+        closed_loop=ClosedLoop(2e-3, math.inf, 0.5, 0.25, given=4e-3, input_given=0.75),
     )
 
 
@@ -91,6 +95,9 @@ def test_what_was_saved_comes_back(make, tmp_path):
         assert (one.force is None) == (other.force is None)
         assert (one.free_given is None) == (other.free_given is None)
         assert (one.prediction_rmse_given is None) == (other.prediction_rmse_given is None)
+        assert (one.closed_loop is None) == (other.closed_loop is None)
+        if one.closed_loop is not None:
+            assert one.closed_loop.law is None and one.closed_loop.input_given == 0.75
 
 
 def test_what_is_not_finite_comes_back_as_such(tmp_path):

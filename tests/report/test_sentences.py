@@ -12,10 +12,11 @@ from frictionjax.core import Estimate
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.mismatch_map.axes import REGIMES
 from frictionjax.diagnosis.mismatch_map.where_words import where_words
-from frictionjax.diagnosis.recording_fit import Horizon, Unmeasured
+from frictionjax.diagnosis.recording_fit import ClosedLoop, Horizon, Unmeasured
 from frictionjax.diagnosis.verdict import Candidate, Ceiling, MismatchBin, MissingEffect, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
+from frictionjax.report.sections.closed_loop import InClosedLoop
 from frictionjax.report.sections.headline import Headline, limiting
 from frictionjax.report.sections.horizons import Horizons
 from frictionjax.report.sections.missing import Missing
@@ -213,6 +214,21 @@ def test_each_horizon_has_its_column_and_each_recording_its_own():
     assert "–" in cells[0][4] and "(3.00" in cells[0][4]  # a run that overflows
     assert cells[1][2:4] == [["–"], ["–"]] and "(1.00" in cells[1][4]  # shorter than twice 0.1 s
     assert cells[2][1:] == [["–"]] * 6
+
+
+def test_the_closed_loop_has_a_table_where_there_is_a_controller():
+    closed = ClosedLoop(2e-3, 3e-5, 0.5, 0.25, given=4e-3, input_given=0.75, law=0.62)
+    under = replace(fake_recording(n=40), name="servo", closed_loop=closed)
+    page = str(InClosedLoop().body(_alone(recordings=(under, replace(fake_recording(n=40), name="open")))))
+    text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    assert "position input position, your model as given" in text
+    assert "servo 2.00 mrad → 0.0300 mrad 500 mV → 250 mV 4.00 mrad 750 mV" in text
+    assert " open " not in text
+    assert "its gains make 62 % in servo out of the recorded reference" in text
+    blind = replace(under, closed_loop=replace(closed, law=None, given=None, input_given=None))
+    page = str(InClosedLoop().body(_alone(recordings=(blind,))))
+    assert "as given" not in page and "out of the recorded reference" not in page
+    assert not InClosedLoop().body(_alone(recordings=(fake_recording(n=40),)))
 
 
 def _brackets(text):

@@ -1,5 +1,7 @@
 """What base and extended model make of each recording."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
@@ -7,7 +9,7 @@ from frictionjax.diagnosis.evidence.horizons import horizons_of, lacking_force, 
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.views import Given, View, ahead_samples, force_bandwidth
-from frictionjax.diagnosis.recording_fit import RecordingFit
+from frictionjax.diagnosis.recording_fit import ClosedLoop, RecordingFit
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
 from frictionjax.simulation import residual_force_std
@@ -37,6 +39,7 @@ def recording_fits(
     extended: View,
     base_drive: Drive,
     given: Given | None = None,
+    closed: Sequence[ClosedLoop | None] | None = None,
 ) -> tuple[RecordingFit, ...]:
     """One `RecordingFit` per recording.
 
@@ -47,6 +50,7 @@ def recording_fits(
     - `base`, `extended`: what the two models predict.
     - `base_drive`: for the standard deviation of the residual force.
     - `given`: what the user's own simulation predicts, as it was given; None where there is none.
+    - `closed`: the errors of each recording under the user's own controller; None where there is none.
     """
     fits = []
     for row, recording in enumerate(recordings):
@@ -96,6 +100,7 @@ def recording_fits(
                 increment_rmse_base=_increment_rmse(base.free[row, :n], measured, horizon),
                 increment_rmse_extended=_increment_rmse(extended.free[row, :n], measured, horizon),
                 increment_rmse_given=_increment_rmse(own, measured, horizon),
+                closed_loop=None if closed is None else closed[row],
             )
         )
     return tuple(fits)

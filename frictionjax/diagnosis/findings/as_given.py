@@ -51,11 +51,16 @@ def as_given(
     column = column_as_given(starting.recordings, scene)
     if column is not None or not starting.own.complete:
         return column
-    drive = starting.own.applied(starting.start.drives[0]).with_effects(*silent_effects)
+    drive = drive_as_given(starting, silent_effects)
     held_out, batch = scene.held_out, scene.batch
     power = np.ones(np.asarray(batch.block_count).shape)
     found = view(Judgement(drive, np.zeros(held_out.size), power, held_out, batch), scene)
     return Given("model", np.ones(held_out.size, bool), found.free, found.ahead)
+
+
+def drive_as_given(starting: StartingPoint, silent_effects: tuple[AbstractEffect, ...]) -> Drive:
+    """The user's own model with the values that the case gives, with the `silent_effects` as in `as_given`."""
+    return starting.own.applied(starting.start.drives[0]).with_effects(*silent_effects)
 
 
 def column_as_given(recordings: tuple[Recording, ...], scene: Scene) -> Given | None:

@@ -4,6 +4,7 @@ from frictionjax.report.sections.base import AbstractSection as AbstractSection
 from frictionjax.report.sections.candidates import Candidates
 from frictionjax.report.sections.ceiling import Ceilings
 from frictionjax.report.sections.checked import Checked
+from frictionjax.report.sections.closed_loop import InClosedLoop
 from frictionjax.report.sections.comparison import Comparison, Errors
 from frictionjax.report.sections.friction import Friction
 from frictionjax.report.sections.glossary import Glossary
@@ -27,6 +28,7 @@ SECTIONS: tuple[AbstractSection, ...] = (
     SimulationMisses(),
     Errors(),
     Horizons(),
+    InClosedLoop(),
     Parameters(),
     Candidates(),
     Record(),
