@@ -1,5 +1,6 @@
 """`diagnose` from end to end: small cases here, whole ones in the slow tests."""
 
+import dataclasses
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,13 +16,17 @@ from frictionjax.demo import write_demo_case
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.screening import try_catalogue
 from frictionjax.physics import catalogue
-from frictionjax.recordings import load_case
+from frictionjax.recordings import Controller, load_case
 
 SHARED = Path(__file__).parents[3] / "shared"
 """Cases that are kept beside the repository, where there are any."""
 FEW = ("delay",)
 LATE = 2
 """Samples by which the input acts late in the small case: a delay of 1 ms."""
+
+
+SERVO = Controller(kp=7.4, kd=0.165)
+"""Nearly that of the recordings in closed loop."""
 
 
 def _few(monkeypatch):
@@ -42,7 +47,7 @@ def late(stated):
     with pytest.MonkeyPatch.context() as monkeypatch, ThreadPoolExecutor(2) as executor:
         _few(monkeypatch)
         return diagnose(
-            small_case(late=LATE),
+            dataclasses.replace(small_case(late=LATE), controller=SERVO),
             executor=executor,
             progress=lambda stage, done: stated.append((stage, done)),
         )
@@ -69,6 +74,16 @@ def test_the_base_is_mended_with_the_delay(late):
     for name, value in truth(PLANT).items():
         assert extended[name] == pytest.approx(value, rel=0.01), name
     assert set(late.extended) == {*late.base, "delay"}
+
+
+def test_under_the_controller_the_error_falls_as_well(late):
+    for fit in late.recordings:
+        if fit.closed_loop is None:
+            assert fit.role == "fit"
+        else:
+            assert fit.closed_loop.extended < 0.2 * fit.closed_loop.base
+            assert fit.closed_loop.given is None and fit.closed_loop.law is None
+    assert any(fit.closed_loop is not None and fit.role == "holdout" for fit in late.recordings)
 
 
 def test_the_held_out_error_falls_to_the_noise(late):
