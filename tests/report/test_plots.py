@@ -239,6 +239,7 @@ def test_a_summary_is_drawn_as_it_is_and_further_dimensions_are_refused():
     with pytest.raises(fj.InputError, match=r"`rate_mean` has the further dimensions wide.*dataset\.sel"):
         fj.plot(summary, names="rate_mean")
     (drawn,) = fj.plot(summary.sel(wide=1.0), names="rate_mean")
+    assert drawn.get_ylabel() == "mean of rate"
     np.testing.assert_allclose(drawn.lines[0].get_ydata(), [0.2, 2.0])
     with pytest.raises(fj.InputError, match="there is no `nothing`"):
         fj.plot(summary, over="nothing")

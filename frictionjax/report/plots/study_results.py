@@ -15,6 +15,15 @@ _LONG = 10.0  # from this ratio of its ends on an axis is logarithmic
 _CURVES = len(COLOURS)  # with more values of the second dimension it is a map
 _MOST = 12  # panels that are drawn unasked
 _SPREAD = ("_mean", "_rate")
+_STATISTICS = {
+    "mean": "mean of",
+    "std": "standard deviation of",
+    "bias": "bias of",
+    "rmse": "rms error of",
+    "coverage": "coverage of",
+    "rate": "rate of",
+}
+"""Last part of a name in a summary -> the words for it."""
 
 
 class _Panel(NamedTuple):
@@ -104,15 +113,15 @@ def _draw(axes: Axes, panel: _Panel, over: tuple[str, ...], units: Mapping[str, 
     array = panel.array.squeeze()
     order = [d for d in over if d in array.dims]
     array = array.transpose(*order)
-    label = labelled(panel.label, units.get(panel.label, "1"))
+    label = labelled(_words(panel), units.get(panel.label, "1"))
     x = _values(panel.array, order[0]) if order else np.zeros(1)
     if len(order) == 2 and array.sizes[order[1]] > _CURVES:
         y = _values(panel.array, order[1])
         mesh = axes.pcolormesh(x, y, array.values.T, shading="nearest")
         axes.figure.colorbar(mesh, ax=axes, label=label)
         axes.set(
-            xlabel=labelled(order[0], units.get(order[0], "1")),
-            ylabel=labelled(order[1], units.get(order[1], "1")),
+            xlabel=labelled(_spaced(order[0]), units.get(order[0], "1")),
+            ylabel=labelled(_spaced(order[1]), units.get(order[1], "1")),
         )
         _log(axes.set_yscale, y)
     else:
@@ -121,11 +130,12 @@ def _draw(axes: Axes, panel: _Panel, over: tuple[str, ...], units: Mapping[str, 
         for k, second in enumerate(seconds):
             own = array.values.reshape(len(x), -1)[:, k]
             spread = None if error is None else error.values.reshape(len(x), -1)[:, k]
-            name = None if second is None else f"{order[1]} = {_short(second)}"
+            name = None if second is None else f"{_spaced(order[1])} = {_short(second)}"
             axes.errorbar(
                 x, own, spread, fmt="o-", color=COLOURS[k % len(COLOURS)], markersize=3.5, label=name
             )
-        axes.set(xlabel=labelled(order[0], units.get(order[0], "1")) if order else "all cases", ylabel=label)
+        along = labelled(_spaced(order[0]), units.get(order[0], "1")) if order else "all cases"
+        axes.set(xlabel=along, ylabel=label)
     _log(axes.set_xscale, x)
 
 
@@ -151,11 +161,12 @@ def _points(
         y = dataset[name].values[fine].astype(float)
         if len(over) == 2:
             drawn = axes.scatter(x, y, c=dataset[over[1]].values[fine], s=6.0)
-            axes.figure.colorbar(drawn, ax=axes, label=labelled(over[1], units.get(over[1], "1")))
+            axes.figure.colorbar(drawn, ax=axes, label=labelled(_spaced(over[1]), units.get(over[1], "1")))
         else:
             axes.plot(x, y, "o", color=COLOURS[0], markersize=2.5)
         axes.set(
-            xlabel=labelled(over[0], units.get(over[0], "1")), ylabel=labelled(name, units.get(name, "1"))
+            xlabel=labelled(_spaced(over[0]), units.get(over[0], "1")),
+            ylabel=labelled(_spaced(name), units.get(name, "1")),
         )
         _log(axes.set_xscale, x)
     return panels
@@ -184,6 +195,18 @@ def _values(array: Any, dimension: str) -> Any:
 def _log(set_scale: Any, values: Shaped[np.ndarray, " k"]) -> None:
     if values.dtype.kind in "fi" and values.min() > 0.0 and values.max() > _LONG * values.min():
         set_scale("log")
+
+
+def _words(panel: _Panel) -> str:
+    """What a panel shows, in words: of a summary, which has errors, the statistic as well."""
+    name, _, statistic = panel.label.rpartition("_")
+    if panel.error is None or statistic not in _STATISTICS:
+        return _spaced(panel.label)
+    return f"{_STATISTICS[statistic]} {_spaced(name)}"
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _short(value: Any) -> str:
