@@ -2,6 +2,10 @@
 
 import dataclasses
 import json
+import signal
+import subprocess
+import sys
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -250,3 +254,22 @@ def test_a_real_machine_of_the_prior_is_diagnosed():
     results = fj.run_study(calibration_study(1, seed=2), progress=False)
     found = calibration_of(results)
     assert found.draws == 1 and found.false_names[0].machines == 1
+
+
+@pytest.mark.slow
+def test_the_program_is_stopped_and_goes_on(tmp_path):
+    command = [sys.executable, "-m", "frictionjax", "study", "calibrate", "--draws", "2", "--chunk", "1"]
+    options = ["--out", str(tmp_path / "c.zarr")]
+    running = subprocess.Popen([*command, *options], stderr=subprocess.PIPE, text=True)
+    shards = tmp_path / "c.zarr.parts"
+    while running.poll() is None and not list(shards.glob("*.npz")):
+        time.sleep(0.1)
+    (first,) = shards.glob("*.npz")
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate()
+    assert running.returncode == 130 and "--resume" in said
+    made = first.stat().st_mtime_ns
+    again = subprocess.run([*command, *options, "--resume"], capture_output=True, text=True, check=True)
+    assert "Of 2 machines of the prior" in again.stdout
+    assert not first.exists() or first.stat().st_mtime_ns == made
+    assert json.loads((tmp_path / "c.json").read_text())["draws"] == 2
