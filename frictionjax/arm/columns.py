@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import equinox as eqx
 
 from frictionjax.core import InputError
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.synonyms import synonyms_of
 from frictionjax.recordings.units import split_unit
 from frictionjax.recordings.words import listed, nearest, shown
@@ -40,7 +40,7 @@ class JointColumns(eqx.Module):
 
 
 def joint_columns(
-    table: AbstractTable, joints: Sequence[str], columns: Mapping[str, str | Sequence[str]]
+    table: AbstractColumnTable, joints: Sequence[str], columns: Mapping[str, str | Sequence[str]]
 ) -> JointColumns:
     """Find position and torque of each joint: as `columns` says, else by names of joints (`elbow.position`), else by
     their numbers (`q1`, `tau[0]`, `joint 3 position`).

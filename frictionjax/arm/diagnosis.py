@@ -8,7 +8,7 @@ import equinox as eqx
 
 from frictionjax.arm.fit_rigid_body import RigidBodyFit
 from frictionjax.core import Estimate
-from frictionjax.core.display import AbstractDisplayed, Display, Grid
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid
 from frictionjax.core.frames import records, to_dataframe
 from frictionjax.core.front_door import public_verb
 from frictionjax.diagnosis import Diagnosis
@@ -117,7 +117,7 @@ class ArmDiagnosis(AbstractDisplayed):
             for row in self.table()
         )
         return Display(
-            f"Diagnosis of the arm {self.name}", (self.summary, *self.warnings), (Grid(head, rows),)
+            f"Diagnosis of the arm {self.name}", (self.summary, *self.warnings), (TextGrid(head, rows),)
         )
 
 

@@ -15,7 +15,7 @@ from frictionjax.arm.read_log import PLANTS, ArmData, logs_of
 from frictionjax.arm.read_model import Robot, read_robot, rigid_body
 from frictionjax.arm.rigid_body import RigidBody
 from frictionjax.core import Estimate, InputError
-from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimates_grid
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid, estimates_grid
 from frictionjax.core.frames import estimate_columns, records, to_dataframe
 from frictionjax.recordings import Case, Recording
 from frictionjax.recordings.words import listed
@@ -145,7 +145,7 @@ class RigidBodyFit(AbstractDisplayed):
             f"Rigid bodies of {len(self.arm.joints)} joints, {len(self.base.names)} base parameters refitted"
         )
         said = ("Root mean square torques; what is left is friction, and what the model lacks.",)
-        grids = (Grid(head, rows), estimates_grid(self.parameters))
+        grids = (TextGrid(head, rows), estimates_grid(self.parameters))
         return Display(title, (*said, *self.said_of_parameters()), grids)
 
 

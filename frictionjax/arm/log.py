@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, TextGrid, signal_row
 
 
 class ArmLog(AbstractDisplayed):
@@ -42,4 +42,4 @@ class ArmLog(AbstractDisplayed):
         rows = [signal_row(f"q of {name}", self.q[:, k], "") for k, name in enumerate(names)]
         rows += [signal_row(f"tau of {name}", self.tau[:, k], "") for k, name in enumerate(names)]
         said = dict.fromkeys(sentence for joint in self.warnings for sentence in joint)
-        return Display(title, tuple(said), (Grid(SIGNALS, tuple(rows)),))
+        return Display(title, tuple(said), (TextGrid(SIGNALS, tuple(rows)),))

@@ -14,7 +14,7 @@ from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.frame import Frame, is_frame, recording_from_table, table_of
 from frictionjax.recordings.hold_out import PART
 from frictionjax.recordings.limits import reading
-from frictionjax.recordings.readers import AbstractTable, open_table, stem
+from frictionjax.recordings.readers import AbstractColumnTable, open_table, stem
 from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.units import parse_unit, split_unit
 from frictionjax.recordings.words import require_file, shown
@@ -90,7 +90,9 @@ def read_arm_log(
     )
 
 
-def _channel(table: AbstractTable, name: str, q: str, tau: str, time: str, sample_rate: float | None) -> Any:
+def _channel(
+    table: AbstractColumnTable, name: str, q: str, tau: str, time: str, sample_rate: float | None
+) -> Any:
     """Position and torque of one joint as a recording of an imposed motion."""
     length = parse_unit(table.unit(q) or split_unit(q)[1])
     plant = PLANTS[length is None or length.si != "m"]

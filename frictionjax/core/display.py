@@ -25,7 +25,7 @@ _ITEMS = 6  # of a list or a table inside a line
 _FEW = 4  # numbers of an array that are listed
 
 
-class Grid(NamedTuple):
+class TextGrid(NamedTuple):
     """A table: `head`, the headings of its columns, and `rows` of texts."""
 
     head: tuple[str, ...]
@@ -37,7 +37,7 @@ class Display(NamedTuple):
 
     title: str
     sentences: tuple[str, ...] = ()
-    grids: tuple[Grid, ...] = ()
+    grids: tuple[TextGrid, ...] = ()
 
 
 class AbstractDisplayed(eqx.Module):
@@ -124,16 +124,16 @@ ESTIMATES = ("parameter", "value", "standard error", "unit")
 """Headings of a table of `estimate_row`s."""
 
 
-def estimates_grid(estimates: Mapping[str, Estimate]) -> Grid:
+def estimates_grid(estimates: Mapping[str, Estimate]) -> TextGrid:
     """The table of `estimates` by name."""
-    return Grid(ESTIMATES, tuple(estimate_row(name, estimate) for name, estimate in estimates.items()))
+    return TextGrid(ESTIMATES, tuple(estimate_row(name, estimate) for name, estimate in estimates.items()))
 
 
-def records_grid(records: Sequence[Mapping[str, Any]]) -> Grid:
+def records_grid(records: Sequence[Mapping[str, Any]]) -> TextGrid:
     """The table of `records`, mappings of names to values; the columns are those of all of them."""
     names = tuple(dict.fromkeys(name for record in records for name in record))
     rows = tuple(tuple(_cell(record.get(name)) for name in names) for record in records)
-    return Grid(names, rows)
+    return TextGrid(names, rows)
 
 
 def signal_row(name: str, values: Any, unit: str) -> tuple[str, str, str, str]:
@@ -188,6 +188,6 @@ def _cut(row: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(cell if len(cell) <= _CELL else cell[: _CELL - 3] + "..." for cell in row)
 
 
-def _more(grid: Grid) -> list[str]:
+def _more(grid: TextGrid) -> list[str]:
     left = len(grid.rows) - _ROWS
     return [f"  {left} more rows"] if left > 0 else []

@@ -50,7 +50,7 @@ class _Program(NamedTuple):
     result: PyTree
 
 
-class Compiled(Generic[_P, _R]):
+class CompiledFunction(Generic[_P, _R]):
     """A function whose arrays, of NumPy or JAX, are the arguments of compiled programs, one for each structure of the
     other arguments and each set of shapes. It returns arrays, or Modules and tuples of them. Inside transformations it
     is the function itself."""
@@ -122,16 +122,16 @@ class Compiled(Generic[_P, _R]):
 
 
 class _With(NamedTuple):
-    """A decorator that makes a function `Compiled`, with these `options`."""
+    """A decorator that makes a `CompiledFunction` of a function, with these `options`."""
 
     options: dict[str, Any] | None
 
-    def __call__(self, function: Callable[_P, _R]) -> Compiled[_P, _R]:
-        return Compiled(function, self.options)
+    def __call__(self, function: Callable[_P, _R]) -> CompiledFunction[_P, _R]:
+        return CompiledFunction(function, self.options)
 
 
 def compiled(*, options: dict[str, Any] | None = None) -> _With:
-    """A decorator that makes a function `Compiled`, with these `options` of XLA."""
+    """A decorator that makes a `CompiledFunction` of a function, with these `options` of XLA."""
     return _With(options)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import Estimate, InputError, public_verb
-from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimate_row
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid, estimate_row
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
 from frictionjax.core.quantities import in_unit
 from frictionjax.diagnosis.checked import Check
@@ -293,7 +293,7 @@ class Diagnosis(AbstractDisplayed):
         more = len(self.warnings) - len(some)
         checked = () if self.check is None else self.check.sentences
         sentences = (self.summary, *checked, *some, *([f"{more} more warnings."] if more else []))
-        return Display(title, sentences, (Grid(fits, errors), Grid(head, tuple(rows))))
+        return Display(title, sentences, (TextGrid(fits, errors), TextGrid(head, tuple(rows))))
 
     def _errors(self, one: RecordingFit) -> tuple[str, tuple[float, ...]]:
         """The unit in which errors of a recording are shown; those of both models and the noise floor in it."""

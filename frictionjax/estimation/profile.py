@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Key
 
 from frictionjax.core import InputError, Progress, public_verb, reporting, require_x64
 from frictionjax.core.arrays import Numbers
-from frictionjax.core.display import AbstractDisplayed, Display, Grid
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.estimation.constraints import Held
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
@@ -63,7 +63,7 @@ class Profile(AbstractDisplayed):
         unit = "" if self.unit == "1" else f" {self.unit}"
         title = f"Profile likelihood of {self.name}: {self.value:.6g}, 95 % interval {low:.6g} to {high:.6g}{unit}"
         rows = tuple((f"{v:.6g}", f"{d:.4g}") for v, d in zip(self.values, self.deviance, strict=True))
-        return Display(title, (), (Grid((self.name, "deviance"), rows),))
+        return Display(title, (), (TextGrid((self.name, "deviance"), rows),))
 
     def plot(self, **how: Any) -> Any:
         """Draw the deviance over the parameter, with the parabola of its standard error: `frictionjax.plot`, with `how`
@@ -129,7 +129,7 @@ class Bootstrap(AbstractDisplayed):
         if self.units:
             shown = ("" if unit == "1" else unit for unit in self.units)
             head, rows = (*head, "unit"), tuple((*row, unit) for row, unit in zip(rows, shown, strict=True))
-        return Display(f"Bootstrap of {self.values.shape[0]} refits", (), (Grid(head, rows),))
+        return Display(f"Bootstrap of {self.values.shape[0]} refits", (), (TextGrid(head, rows),))
 
     def plot(self, **how: Any) -> Any:
         """Draw the refits of each parameter as a histogram, with the estimate and the basic 95 % interval:

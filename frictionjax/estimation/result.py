@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from frictionjax.core import Estimate, public_verb
 from frictionjax.core.arrays import Numbers
-from frictionjax.core.display import AbstractDisplayed, Display, Grid, estimates_grid
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid, estimates_grid
 from frictionjax.core.frames import estimate_columns, to_dataframe, to_xarray
 from frictionjax.estimation.descent.refine import Refined
 from frictionjax.estimation.descent.stepper import Ending
@@ -91,7 +91,7 @@ class FitResult(AbstractDisplayed):
         head = ("recording", "sensor noise", "unmeasured force", "innovation power")
         effects = [effect.name for effect in self.drive.effects]
         title = f"Fit of LuGre {'with ' + ', '.join(effects) if effects else 'alone'}"
-        return Display(title, (self.message,), (estimates_grid(self.parameters), Grid(head, noise)))
+        return Display(title, (self.message,), (estimates_grid(self.parameters), TextGrid(head, noise)))
 
     def plot(self, **how: Any) -> Any:
         """Draw friction against velocity, the presliding loop and the correlations of the estimates:

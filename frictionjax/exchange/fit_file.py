@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from frictionjax.core import Estimate, InputError, require_x64
 from frictionjax.core.json import plain_json
 from frictionjax.estimation import FitResult, RecordingNoise
-from frictionjax.exchange.table import AGAIN, FRICTION, HOLDS, Table, drive_of, fields_of
+from frictionjax.exchange.table import AGAIN, FRICTION, HOLDS, FieldTable, drive_of, fields_of
 from frictionjax.physics import Drive
 from frictionjax.recordings.words import require_file, shown
 
@@ -87,7 +87,7 @@ def fit_from_json(text: str, *, file: object = None) -> FitResult:
         raise InputError(f"is not JSON: {shown(error)}", file=file, cure=AGAIN) from error
     if not isinstance(content, dict):
         raise InputError("is JSON, but not a table with a `schema`", file=file, cure=AGAIN)
-    root = Table(content, "", file)
+    root = FieldTable(content, "", file)
     if content.get("schema") != SCHEMA:
         root.fail(
             "schema",
@@ -168,18 +168,18 @@ def load_fit(path: str | Path) -> FitResult:
     return fit_from_json(text, file=path)
 
 
-def _estimate_of(table: Table) -> Estimate:
+def _estimate_of(table: FieldTable) -> Estimate:
     table.only(ESTIMATE)
     value, stderr = table.number("value"), table.number("stderr", math.inf)
     return Estimate(value, stderr, table.text("unit"), table.flag("identified"))
 
 
-def _noise_of(table: Table) -> RecordingNoise:
+def _noise_of(table: FieldTable) -> RecordingNoise:
     table.only(NOISE)
     return RecordingNoise(*(table.number(key) for key in NOISE))
 
 
-def _known(root: Table, key: str, parameters: dict[str, Estimate]) -> tuple[str, ...]:
+def _known(root: FieldTable, key: str, parameters: dict[str, Estimate]) -> tuple[str, ...]:
     """The labels under `key`, all of them of `parameters`."""
     labels = root.texts(key)
     for label in labels:

@@ -11,7 +11,7 @@ import equinox as eqx
 from frictionjax.core import InputError
 from frictionjax.exchange.compile_mjcf import compile_mjcf
 from frictionjax.exchange.joint_text import JointText
-from frictionjax.exchange.read_mjcf import Compiled, read_mjcf
+from frictionjax.exchange.read_mjcf import NeedsCompiler, read_mjcf
 from frictionjax.exchange.read_urdf import read_urdf
 from frictionjax.exchange.xml_file import read_xml
 from frictionjax.recordings import Case, Given, GivenEffect, GivenModel, Plant
@@ -105,7 +105,7 @@ def read_mujoco_joint(xml: str | Path, joint: str, *, fixed: bool = False) -> Kn
 def _mujoco(root: Element, text: str, file: Path | None, joint: str) -> JointText:
     try:
         read = read_mjcf(root, joint, file)
-    except Compiled:
+    except NeedsCompiler:
         read = None
     if read is not None and read.load is not None:
         return read

@@ -26,8 +26,8 @@ Path_ = list[Element]
 """The bodies from the world to one of them, outermost first."""
 
 
-class Compiled(Exception):
-    """The model must be compiled to say this."""
+class NeedsCompiler(Exception):
+    """Only MuJoCo's compiler knows what was asked for."""
 
 
 def read_mjcf(root: Element, joint: str, file: Path | None) -> JointText:
@@ -39,14 +39,14 @@ def read_mjcf(root: Element, joint: str, file: Path | None) -> JointText:
     - `joint`: its name.
     - `file`: for messages.
 
-    **Raises:** `InputError` where the joint is not there, or does not turn or slide; `Compiled` where it may be in a
-    file that is included.
+    **Raises:** `InputError` where the joint is not there, or does not turn or slide; `NeedsCompiler` where it may be in
+    a file that is included.
     """
     defaults = _defaults(root)
     found = {name: (element, path) for name, element, path in _joints(root)}
     if joint not in found:
         if any(next(root.iter(tag), None) is not None for tag in _NEEDS_COMPILER):
-            raise Compiled
+            raise NeedsCompiler
         raise missing(joint, list(found), file)
     element, path = found[joint]
     own = _with_defaults(element, path, defaults)
@@ -60,7 +60,7 @@ def read_mjcf(root: Element, joint: str, file: Path | None) -> JointText:
     others: list[str] = []
     try:
         load = _load(root, element, own, path, kind, angle * value("ref"), others)
-    except Compiled:
+    except NeedsCompiler:
         load = None
     gear, bristle, remarks = _actuators(root, joint, defaults)
     polynomial = [
@@ -158,7 +158,7 @@ def _load(
     shapes = _compiler(root, "inertiafromgeom", "auto") == "true"
     elsewhere = any(next(root.iter(tag), None) is not None for tag in _NEEDS_COMPILER)
     if shapes or elsewhere or _compiler(root, "settotalmass", ""):
-        raise Compiled
+        raise NeedsCompiler
     pose = still()
     for body in path:
         pose = pose.then(_pose(body))
@@ -172,7 +172,7 @@ def _load(
         if inertial is not None:
             bodies.append(_body(inertial).seen_from(place.then(_pose(inertial))))
         elif body.find("geom") is not None:
-            raise Compiled
+            raise NeedsCompiler
         others += [
             child.get("name", "another joint") for child in body.findall("joint") if child is not joint
         ]
@@ -189,7 +189,7 @@ def _load(
 
 def _pose(element: Element) -> Pose:
     if any(name in element.attrib for name in _TURNED):
-        raise Compiled
+        raise NeedsCompiler
     return Pose(
         numbers(element.get("pos"), "0 0 0", f"{element.tag}, pos"),
         rotation(numbers(element.get("quat"), "1 0 0 0", f"{element.tag}, quat")),

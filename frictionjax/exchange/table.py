@@ -28,7 +28,7 @@ def fields_of(form: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(form))
 
 
-class Table(eqx.Module):
+class FieldTable(eqx.Module):
     """A table of the file whose fields are read by key; an `InputError` for one that is missing or of another kind.
 
     **Attributes:**
@@ -50,25 +50,25 @@ class Table(eqx.Module):
             problem, file=self.file, place=f"field `{shown(self._at(key))}`", cure=cure or self.again
         )
 
-    def table(self, key: str) -> "Table":
+    def table(self, key: str) -> "FieldTable":
         """The table under `key`."""
         value = self._value(key)
         return (
-            Table(value, self._at(key), self.file, self.again)
+            FieldTable(value, self._at(key), self.file, self.again)
             if isinstance(value, dict)
             else self._not(key, "a table")
         )
 
-    def tables(self) -> Iterator[tuple[str, "Table"]]:
+    def tables(self) -> Iterator[tuple[str, "FieldTable"]]:
         """Every key with the table under it."""
         return ((key, self.table(key)) for key in self.content)
 
-    def listed(self, key: str) -> list["Table"]:
+    def listed(self, key: str) -> list["FieldTable"]:
         """The list of tables under `key`."""
         value = self._value(key)
         if not isinstance(value, list):
             self._not(key, "a list")
-        numbered = Table(
+        numbered = FieldTable(
             {str(i): entry for i, entry in enumerate(value)}, self._at(key), self.file, self.again
         )
         return [numbered.table(str(i)) for i in range(len(value))]
@@ -102,7 +102,7 @@ class Table(eqx.Module):
         value = self._value(key)
         if not isinstance(value, list) or len(value) != size:
             self._not(key, f"a list of {size} rows")
-        rows = Table({str(i): row for i, row in enumerate(value)}, self._at(key), self.file, self.again)
+        rows = FieldTable({str(i): row for i, row in enumerate(value)}, self._at(key), self.file, self.again)
         return np.array([rows._row(str(i), size, null) for i in range(size)], dtype=float).reshape(size, size)
 
     def only(self, names: tuple[str, ...]) -> None:
@@ -129,7 +129,7 @@ class Table(eqx.Module):
         self.fail(key, f"{shown(json.dumps(self.content[key]))} is not {kind}")
 
 
-def drive_of(table: Table) -> Drive:
+def drive_of(table: FieldTable) -> Drive:
     """The drive in `table`, with its effects."""
     table.only((*DRIVE, "hold"))
     hold = table.text("hold") if "hold" in table.content else HOLDS[0]
@@ -163,7 +163,7 @@ def _instead(word: str, names: tuple[str, ...]) -> str:
     return f"{hint}Known here: {listed(names)}. A file of a newer frictionjax needs that version"
 
 
-def _effect(table: Table) -> AbstractEffect:
+def _effect(table: FieldTable) -> AbstractEffect:
     table.only(EFFECT)
     name, form, known = table.text("name"), table.text("form"), catalogue()
     if name not in known:

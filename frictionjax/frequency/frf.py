@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from frictionjax.core import InputError, public_verb, require_x64
-from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row, value_text
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, TextGrid, signal_row, value_text
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.frequency.windows import WindowName, averaging, window_values
 
@@ -55,7 +55,7 @@ class FRF(AbstractDisplayed):
         ratio = "output/input"
         rows = [("frequency", self.frequency, "Hz"), ("|response|", jnp.abs(self.response), ratio)]
         rows += [("coherence", self.coherence, ""), ("std", self.std, ratio)]
-        return Display(title, (), (Grid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
+        return Display(title, (), (TextGrid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
 
     def plot(self, **how: Any) -> Any:
         """Draw magnitude, phase and coherence over frequency: `frictionjax.plot`, with `how` as there."""

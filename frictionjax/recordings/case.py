@@ -22,7 +22,7 @@ from frictionjax.recordings.copies import copied_from
 from frictionjax.recordings.hold_out import hold_out_last_third
 from frictionjax.recordings.limits import CASE_FILE, NESTING, reading
 from frictionjax.recordings.model_table import parse_model
-from frictionjax.recordings.readers import AbstractTable, open_table, stem
+from frictionjax.recordings.readers import AbstractColumnTable, open_table, stem
 from frictionjax.recordings.recording import Case, Plant, Recording
 from frictionjax.recordings.schema import (
     CASE_KEYS,
@@ -251,7 +251,7 @@ def _build(
     paths = [_path(entry, folder) for entry in entries]
     recordings: list[Recording] = []
     taken: set[str] = set()
-    opened: dict[Path, AbstractTable] = {}
+    opened: dict[Path, AbstractColumnTable] = {}
     chosen: list[Columns] = []
     given, apart = plant, _Apart()
     for entry, path in zip(entries, paths, strict=True):

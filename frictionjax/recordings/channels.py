@@ -11,9 +11,9 @@ from frictionjax.recordings.audit import audit
 from frictionjax.recordings.columns import Columns, read_columns
 from frictionjax.recordings.jumps import standing, unwrapped
 from frictionjax.recordings.proposal import proposal
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.recording import Plant, Recording, Sampling
-from frictionjax.recordings.sampling import Grid, find_grid, punctual
+from frictionjax.recordings.sampling import TimeGrid, find_grid, punctual
 from frictionjax.recordings.schema import ROLES, Entry
 from frictionjax.recordings.simulated import SIMULATED, no_simulation, on_the_turn_of
 from frictionjax.recordings.target import said_of_target
@@ -29,7 +29,9 @@ MILLISECONDS = 'units = {t = "ms"} for ms (--unit t=ms)'
 _LARGEST = 1e100
 
 
-def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: str, plant: Plant) -> Recording:
+def make_recording(
+    entry: Entry, table: AbstractColumnTable, chosen: Columns, name: str, plant: Plant
+) -> Recording:
     """Read the channels that an entry names, check them and put them on a uniform grid.
 
     **Arguments:**
@@ -83,7 +85,7 @@ def make_recording(entry: Entry, table: AbstractTable, chosen: Columns, name: st
         rate = _agreed_rate(grid, entry, file)
     else:
         rate = entry.sample_rate or 1.0 / step
-        grid = Grid(rate, Sampling(), stamps[first:last], None)
+        grid = TimeGrid(rate, Sampling(), stamps[first:last], None)
     _require_usual_rate(rate, entry, file)
     _require_motion(entry, used, file)
     column = named["x"]
@@ -149,7 +151,7 @@ def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray
 
 
 def _time(
-    entry: Entry, table: AbstractTable, columns: dict[str, Float[np.ndarray, " _"]], file: str
+    entry: Entry, table: AbstractColumnTable, columns: dict[str, Float[np.ndarray, " _"]], file: str
 ) -> tuple[Float[np.ndarray, " n"], float]:
     """Time stamps in s, from the column or from the sample rate, and their median step."""
     if "t" in columns:
@@ -185,7 +187,7 @@ def _cut(entry: Entry, stamps: Float[np.ndarray, " n"], step: float, file: str) 
 
 
 def _require_finite(
-    values: Float[np.ndarray, " n"], table: AbstractTable, column: str, rows: Int[np.ndarray, " n"]
+    values: Float[np.ndarray, " n"], table: AbstractColumnTable, column: str, rows: Int[np.ndarray, " n"]
 ) -> None:
     wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
     if wrong.size:
@@ -199,7 +201,7 @@ def _require_finite(
         )
 
 
-def _agreed_rate(grid: Grid, entry: Entry, file: str) -> float:
+def _agreed_rate(grid: TimeGrid, entry: Entry, file: str) -> float:
     """The sample rate of the time stamps, which must be the one that the case gives, if it gives one."""
     if entry.sample_rate is None:
         return grid.sample_rate

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.words import shown
 
 _SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
@@ -99,7 +99,7 @@ def _parts_of_a_second(
 
 
 def on_one_clock(
-    values: dict[str, Float[np.ndarray, " _"]], names: dict[str, str], table: AbstractTable
+    values: dict[str, Float[np.ndarray, " _"]], names: dict[str, str], table: AbstractColumnTable
 ) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
     """Channels with clocks of their own at the times of x: the input held, the others on straight lines.
 
@@ -140,7 +140,7 @@ def on_one_clock(
 
 
 def _require_clock(
-    times: Float[np.ndarray, " _"], samples: int, name: str, table: AbstractTable, *, must_rise: bool
+    times: Float[np.ndarray, " _"], samples: int, name: str, table: AbstractColumnTable, *, must_rise: bool
 ) -> None:
     """Raise `InputError` unless the clock of the channel `name` has a time for each of its `samples`."""
     if not samples or times.size != samples:

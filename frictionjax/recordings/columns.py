@@ -10,7 +10,7 @@ from jaxtyping import Float
 from frictionjax.core import InputError
 from frictionjax.recordings.clock import contradicts, on_one_clock, seconds
 from frictionjax.recordings.proposal import proposal, suits
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.schema import ROLES, Entry
 from frictionjax.recordings.simulated import SIMULATED, answer_of
@@ -41,7 +41,7 @@ class Columns(eqx.Module):
     guessed: frozenset[str] = eqx.field(static=True, default=frozenset())
 
 
-def find_columns(entry: Entry, table: AbstractTable) -> Columns:
+def find_columns(entry: Entry, table: AbstractColumnTable) -> Columns:
     """Find the column of each role: the one that the case names, that has the role as its name (with or without a
     unit), or, for a role that the recording needs, that has a name which people use for it.
 
@@ -148,7 +148,7 @@ def has_label(plant: Plant, role: str) -> bool:
 
 
 def read_columns(
-    columns: Columns, entry: Entry, table: AbstractTable, plant: Plant
+    columns: Columns, entry: Entry, table: AbstractColumnTable, plant: Plant
 ) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...], tuple[str, ...]]:
     """The values of the columns in the units of the case, on one clock.
 
@@ -210,7 +210,7 @@ def _in_one_sentence(parts: list[tuple[str, str, str]]) -> tuple[str, ...]:
     return (", ".join([f"{subject} {verb} {rest}", *(f"{other} {more}" for other, _, more in others)]),)
 
 
-def _named(role: str, entry: Entry, table: AbstractTable) -> str:
+def _named(role: str, entry: Entry, table: AbstractColumnTable) -> str:
     """The column that the case names for a role; it may leave out the unit in a header."""
     name = entry.columns[role]
     if table.has(name):
@@ -221,7 +221,7 @@ def _named(role: str, entry: Entry, table: AbstractTable) -> str:
     return like[0]
 
 
-def _units(names: dict[str, str], entry: Entry, table: AbstractTable) -> dict[str, str]:
+def _units(names: dict[str, str], entry: Entry, table: AbstractColumnTable) -> dict[str, str]:
     """Role -> unit, as the case, the file or the header says."""
     units = {}
     for role, name in names.items():
@@ -242,7 +242,7 @@ def _scale(columns: Columns, entry: Entry) -> dict[str, float]:
     return {SIMULATED: factor, **entry.scale}
 
 
-def _require_different(names: dict[str, str], entry: Entry, table: AbstractTable) -> None:
+def _require_different(names: dict[str, str], entry: Entry, table: AbstractColumnTable) -> None:
     owners: dict[str, str] = {}
     for role, name in names.items():
         if owners.setdefault(name, role) != role:
@@ -254,7 +254,10 @@ def _require_different(names: dict[str, str], entry: Entry, table: AbstractTable
 
 
 def _of_one_length(
-    values: dict[str, Float[np.ndarray, " _"]], names: dict[str, str], entry: Entry, table: AbstractTable
+    values: dict[str, Float[np.ndarray, " _"]],
+    names: dict[str, str],
+    entry: Entry,
+    table: AbstractColumnTable,
 ) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
     """The columns as long as x, and sentences on those that were left out."""
     needed = ("x", "force") if entry.drive == "motion" else ("x", "u")
@@ -276,7 +279,7 @@ def _of_one_length(
 
 
 def _factor(
-    role: str, columns: Columns, entry: Entry, table: AbstractTable, plant: Plant
+    role: str, columns: Columns, entry: Entry, table: AbstractColumnTable, plant: Plant
 ) -> tuple[float, str]:
     """What a column is multiplied by to reach the unit of the case, and that unit; a factor of 0 where its unit cannot
     be converted to it."""
@@ -321,7 +324,7 @@ def _wanted(role: str, unit: Unit, plant: Plant, drive: str) -> str:
     return beside if target is not None and target.powers == unit.powers else unit.si
 
 
-def _ambiguous(role: str, like: list[str], entry: Entry, table: AbstractTable) -> InputError:
+def _ambiguous(role: str, like: list[str], entry: Entry, table: AbstractColumnTable) -> InputError:
     return InputError(
         f"there is no column `{role}`, and {len(like)} columns could be it: {listed(like)}",
         file=shown(table.path, 200),
@@ -330,7 +333,7 @@ def _ambiguous(role: str, like: list[str], entry: Entry, table: AbstractTable) -
     )
 
 
-def _no_column(role: str, name: str, entry: Entry, table: AbstractTable) -> InputError:
+def _no_column(role: str, name: str, entry: Entry, table: AbstractColumnTable) -> InputError:
     """The error for a column that is not there."""
     near = nearest(name, table.names)
     hint = f"Did you mean `{shown(near)}`? " if near and near != name else ""

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from frictionjax.core import InputError
 from frictionjax.recordings.channels import make_recording
 from frictionjax.recordings.columns import find_columns, labelled
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.recording import Plant, Recording
 from frictionjax.recordings.schema import Spot, parse_entry
 from frictionjax.recordings.words import listed, shown
@@ -30,7 +30,7 @@ class Frame(Protocol):
     def __iter__(self) -> Iterator[Any]: ...
 
 
-class FrameTable(AbstractTable):
+class FrameTable(AbstractColumnTable):
     """The columns of a `Frame`; the index of a DataFrame, where it has a name, is one of them."""
 
     path: Path = eqx.field(static=True)
@@ -127,7 +127,9 @@ def table_of(frame: object, name: str) -> FrameTable:
     return FrameTable(Path(name), tuple(held), held)
 
 
-def recording_from_table(table: AbstractTable, name: str, plant: Plant | None, **known: Any) -> Recording:
+def recording_from_table(
+    table: AbstractColumnTable, name: str, plant: Plant | None, **known: Any
+) -> Recording:
     """The recording called `name` in an opened `table`, of the `plant`; `known`: keys of a case file's recording."""
     entry = parse_entry({"file": name, **known}, Spot(None))
     chosen = find_columns(entry, table)

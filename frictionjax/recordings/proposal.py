@@ -3,7 +3,7 @@
 import json
 import re
 
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.schema import Entry
 from frictionjax.recordings.synonyms import columns_like, plain_name, synonyms_of
 from frictionjax.recordings.units import MEASURED_IN, parse_unit, split_unit
@@ -27,7 +27,7 @@ def needed_roles(entry: Entry) -> tuple[str, ...]:
     return roles if entry.sample_rate is not None else ("t", *roles)
 
 
-def suits(role: str, name: str, table: AbstractTable) -> bool:
+def suits(role: str, name: str, table: AbstractColumnTable) -> bool:
     """Whether a column is of numbers, in a unit that suits the role."""
     unit = table.unit(name) or split_unit(name)[1]
     known = parse_unit(unit)
@@ -37,7 +37,7 @@ def suits(role: str, name: str, table: AbstractTable) -> bool:
     return measured and table.has(name)
 
 
-def proposal(entry: Entry, table: AbstractTable) -> str:
+def proposal(entry: Entry, table: AbstractColumnTable) -> str:
     """What says which column has which role, to be copied: an option, or a line of a case file.
 
     **Arguments:**
@@ -63,7 +63,7 @@ def proposal(entry: Entry, table: AbstractTable) -> str:
     return f"{option}; the file has no other column for {FILL_IN}"
 
 
-def _guesses(entry: Entry, table: AbstractTable) -> dict[str, str]:
+def _guesses(entry: Entry, table: AbstractColumnTable) -> dict[str, str]:
     """Role -> the likeliest column, by the case, then by its whole name, a word of it, its unit, and what is left."""
     roles = needed_roles(entry)
     found: dict[str, str] = {}
@@ -79,7 +79,7 @@ def _guesses(entry: Entry, table: AbstractTable) -> dict[str, str]:
     return {role: found.get(role, FILL_IN) for role in roles}
 
 
-def _given(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...]) -> str | None:
+def _given(role: str, entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> str | None:
     """The column that the case names, where there is one, or that has the role as its name."""
     name = entry.columns.get(role, role)
     if name in free and table.has(name):
@@ -88,12 +88,12 @@ def _given(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...])
     return like[0] if len(like) == 1 else None
 
 
-def _by_name(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...]) -> str | None:
+def _by_name(role: str, entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> str | None:
     like = columns_like(role, entry.drive, free, guess=True)
     return next((name for name in like if suits(role, name, table)), None)
 
 
-def _by_word(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...]) -> str | None:
+def _by_word(role: str, entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> str | None:
     """The first column with a word in its name that people use for the role."""
     known = {role, *(word for word in synonyms_of(role, entry.drive) if " " not in word and len(word) > 1)}
     for name in free:
@@ -103,7 +103,7 @@ def _by_word(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...
     return None
 
 
-def _by_unit(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...]) -> str | None:
+def _by_unit(role: str, entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> str | None:
     """The column whose unit suits the role, where it is the only one."""
     wanted = MEASURED_IN.get(role, _DRIVES)
     units = {name: parse_unit(table.unit(name) or split_unit(name)[1]) for name in free}
@@ -113,7 +113,7 @@ def _by_unit(role: str, entry: Entry, table: AbstractTable, free: tuple[str, ...
     return like[0] if len(like) == 1 else None
 
 
-def _reference(name: str, table: AbstractTable) -> str:
+def _reference(name: str, table: AbstractColumnTable) -> str:
     """What names a column: its name; its number where that cannot be copied or a shell would read more into it."""
     awkward = len(name) > _LONGEST or not name.isprintable() or re.search(r'["$`\\!%]', name)
     number = str(table.names.index(name) + 1) if name in table.names else ""

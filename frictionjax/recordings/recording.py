@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, one_line, signal_row
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, TextGrid, one_line, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.core.front_door import public_verb
 from frictionjax.core.quantities import DisplayUnit
@@ -157,7 +157,7 @@ class Recording(AbstractDisplayed):
         units = self._units()
         rows = [(name, getattr(self, name)) for name in _CHANNELS]
         shown = tuple(signal_row(name, v, units.get(name, "")) for name, v in rows if v is not None)
-        return Display(title, self.warnings, (Grid(SIGNALS, shown),))
+        return Display(title, self.warnings, (TextGrid(SIGNALS, shown),))
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame over `t` (s), with a column for each channel."""
@@ -273,7 +273,7 @@ class Case(AbstractDisplayed):
             for one in self.recordings
         )
         head = ("recording", "role", "sample rate", "length", "experiment", "warnings")
-        return Display(f"Case {self.name}", (repr(self.plant),), (Grid(head, rows),))
+        return Display(f"Case {self.name}", (repr(self.plant),), (TextGrid(head, rows),))
 
     def plot(self, **how: Any) -> Any:
         """Draw position and input (or measured force) of each recording over time: `frictionjax.plot`, with `how` as

@@ -8,7 +8,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from frictionjax.core import InputError
-from frictionjax.recordings.readers import AbstractTable
+from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.recording import JITTER_TOLERANCE, Sampling
 from frictionjax.recordings.words import shown
 
@@ -26,7 +26,7 @@ _ENDLESS = (
 _SNAP = 1e-5
 
 
-class Grid(eqx.Module):
+class TimeGrid(eqx.Module):
     """Uniform time for a recording.
 
     **Attributes:**
@@ -77,10 +77,10 @@ class Grid(eqx.Module):
 
 def find_grid(
     stamps: Float[np.ndarray, " m"],
-    table: AbstractTable,
+    table: AbstractColumnTable,
     column: str,
     rows: Int[np.ndarray, " m"] | None = None,
-) -> Grid:
+) -> TimeGrid:
     """The uniform grid behind time stamps.
 
     Stamps rounded to too few decimals (0.0003, 0.0007, 0.0010 at 3 kHz) are not jitter; steps that deviate by
@@ -92,7 +92,7 @@ def find_grid(
     - `table`, `column`, `rows`: where they come from, for messages; `rows` are their positions in the column, shape
         `(m,)`; None: from the first on.
 
-    **Returns:** the `Grid`.
+    **Returns:** the `TimeGrid`.
 
     **Raises:** `InputError` when time stands still or goes backwards, or too much of it is missing.
     """
@@ -122,7 +122,7 @@ def find_grid(
     index = np.arange(stamps.size)
     step, start = _line(index, stamps)
     if float(np.abs(stamps - (start + step * index)).max()) <= _rounding(stamps, step):
-        return Grid(_snapped(1.0 / step), Sampling(), stamps, None)
+        return TimeGrid(_snapped(1.0 / step), Sampling(), stamps, None)
     count = _counted(steps / typical)
     missing = float(count.sum()) - steps.size
     if max(missing, np.count_nonzero(steps > _GAP * typical)) > _MOST_MISSING * stamps.size:
@@ -141,7 +141,7 @@ def find_grid(
         resampled=resample,
     )
     uniform = start + step * np.arange(index[-1] + 1) if resample else None
-    return Grid(_snapped(1.0 / step), sampling, stamps, uniform)
+    return TimeGrid(_snapped(1.0 / step), sampling, stamps, uniform)
 
 
 def punctual(stamps: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " m"], Bool[np.ndarray, " m"]]:

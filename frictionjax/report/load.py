@@ -31,7 +31,7 @@ from frictionjax.diagnosis.verdict import (
     Verdict,
     Within,
 )
-from frictionjax.exchange.table import Table
+from frictionjax.exchange.table import FieldTable
 from frictionjax.recordings import Plant
 from frictionjax.recordings.words import require_file, shown
 from frictionjax.report.fit_csv import COLUMNS, OPTIONAL
@@ -105,12 +105,12 @@ def _decision_of(content: Mapping[str, Any]) -> OtherDecision:
     return OtherDecision(content["about"], numbers)
 
 
-def _if_there(root: Table, name: str, kind: Callable[..., _T]) -> _T | None:
+def _if_there(root: FieldTable, name: str, kind: Callable[..., _T]) -> _T | None:
     """The numbers `name` of a verdict as a noun of this `kind`; None where it has none."""
     return None if root.content.get(name) is None else kind(**_numbered(root.table(name).content))
 
 
-def _ceiling(root: Table) -> Ceiling | None:
+def _ceiling(root: FieldTable) -> Ceiling | None:
     """What a free force would explain; None where it was not asked."""
     if root.content.get("ceiling") is None:
         return None
@@ -121,7 +121,7 @@ def _ceiling(root: Table) -> Ceiling | None:
     return Ceiling(**_numbered(whole), recordings=tuple(OneStep(**_numbered(row.content)) for row in rows))
 
 
-def _as_given(root: Table) -> SimulationAsGiven | None:
+def _as_given(root: FieldTable) -> SimulationAsGiven | None:
     """The comparison with the user's own simulation; None where there is none."""
     if root.content.get("as_given") is None:
         return None
@@ -132,7 +132,7 @@ def _as_given(root: Table) -> SimulationAsGiven | None:
     )
 
 
-def _check(entry: Table) -> Check:
+def _check(entry: FieldTable) -> Check:
     names = tuple(
         CheckedName(**{field.name: one.content[field.name] for field in dataclasses.fields(CheckedName)})
         for one in entry.listed("names")
@@ -178,7 +178,7 @@ def explain_saved(path: Path, effect: str) -> dict[str, Any]:
     return {"effect": effect, "named": named, "explanation": explanation, "candidate": dict(candidate)}
 
 
-def _candidates(root: Table) -> tuple[Candidate, ...]:
+def _candidates(root: FieldTable) -> tuple[Candidate, ...]:
     return tuple(Candidate(**_numbered(entry.content)) for entry in root.listed("candidates"))
 
 
@@ -190,7 +190,7 @@ def _other_fields(error: Exception, path: Path) -> InputError:
     return InputError(problem, file=path, cure=_AGAIN)
 
 
-def _json(path: Path, schema: str) -> Table:
+def _json(path: Path, schema: str) -> FieldTable:
     """The file `path` of a saved diagnosis, whose schema must be `schema`."""
     require_file(path)
     try:
@@ -201,14 +201,14 @@ def _json(path: Path, schema: str) -> Table:
         raise InputError(f"cannot be read ({error.strerror})", file=path, cure="Check its rights") from error
     if not isinstance(content, dict):
         raise InputError("is JSON, but not a table with a `schema`", file=path, cure=_AGAIN)
-    root = Table(content, "", path, _AGAIN)
+    root = FieldTable(content, "", path, _AGAIN)
     if content.get("schema") != schema:
         found = json.dumps(content.get("schema"))
         root.fail("schema", f"the schema is {shown(found)}, not {json.dumps(schema)}")
     return root
 
 
-def _missing(entry: Table, experiments: Mapping[str, Any]) -> MissingEffect:
+def _missing(entry: FieldTable, experiments: Mapping[str, Any]) -> MissingEffect:
     content = dict(entry.content)
     own = experiments.get(content["effect"])
     return MissingEffect(
@@ -229,7 +229,7 @@ def _missing(entry: Table, experiments: Mapping[str, Any]) -> MissingEffect:
     )
 
 
-def _estimates(table: Table) -> dict[str, Estimate]:
+def _estimates(table: FieldTable) -> dict[str, Estimate]:
     return {
         name: Estimate(
             entry.number("value"),
@@ -241,7 +241,7 @@ def _estimates(table: Table) -> dict[str, Estimate]:
     }
 
 
-def _recording(folder: Path, name: str, entry: Table, left: list[float | None]) -> RecordingFit:
+def _recording(folder: Path, name: str, entry: FieldTable, left: list[float | None]) -> RecordingFit:
     """The recording of this `name`, whose extended model leaves the residual force `left`."""
     role = entry.text("role")
     columns: dict[str, Any] = dict(_csv(require_file(folder / entry.text("file"))))

@@ -7,8 +7,8 @@ from frictionjax.simulation.disturbance import residual_force_std as residual_fo
 from frictionjax.simulation.fixed import Trajectory as Trajectory
 from frictionjax.simulation.fixed import simulate as simulate
 from frictionjax.simulation.imposed import simulate_imposed as simulate_imposed
-from frictionjax.simulation.observer import Gains as Gains
 from frictionjax.simulation.observer import ObservedMotion as ObservedMotion
+from frictionjax.simulation.observer import ObserverGains as ObserverGains
 from frictionjax.simulation.observer import innovation_gain as innovation_gain
 from frictionjax.simulation.observer import innovations as innovations
 from frictionjax.simulation.observer import left_by_observer as left_by_observer

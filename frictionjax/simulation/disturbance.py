@@ -6,7 +6,7 @@ from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.observer import Gains, corrected
+from frictionjax.simulation.observer import ObserverGains, corrected
 from frictionjax.simulation.ros2 import Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
@@ -43,7 +43,7 @@ def residual_force(
     """
     bristles = drive.bristles()
     pole = jnp.exp(-2.0 * jnp.pi * bandwidth * dt)
-    gains = Gains(1.0 - pole**3, 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / dt)
+    gains = ObserverGains(1.0 - pole**3, 1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / dt)
     gain = (1.0 - pole) ** 3 / dt**2
 
     def sample(carry, inputs):

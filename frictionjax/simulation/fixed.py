@@ -10,13 +10,13 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int, Real
 
 from frictionjax.core import public_verb, require_x64
-from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, Grid, signal_row
+from frictionjax.core.display import SIGNALS, AbstractDisplayed, Display, TextGrid, signal_row
 from frictionjax.core.frames import to_dataframe, to_xarray
 from frictionjax.core.programs import Jitted
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import Before
-from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
 
@@ -46,7 +46,7 @@ class Trajectory(AbstractDisplayed):
         rows += [("measured", self.measured, "position")]
         rows += [] if self.u is None else [("u", self.u, "input")]
         title = f"Trajectory of {self.t.shape[-1]} samples"
-        return Display(title, (), (Grid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
+        return Display(title, (), (TextGrid(SIGNALS, tuple(signal_row(*row) for row in rows)),))
 
     def plot(self, **how: Any) -> Any:
         """Draw position, velocity and friction force over time: `frictionjax.plot`, with `how` as there."""
@@ -87,14 +87,14 @@ def initial_state(
     v0: Float[Array, ""],
     z0: Float[Array, ""],
     before: Before | None = None,
-) -> State:
+) -> DriveState:
     """State of `drive` at the first sample; every bristle starts at deflection `z0`, and states of effects follow from
     the history `before` (None: a second of rest)."""
     hidden = drive.initial_states(Before() if before is None else before)
-    return State(x0, v0, jnp.asarray(z0), z0 * jnp.ones(drive.bristle_count - 1), hidden)
+    return DriveState(x0, v0, jnp.asarray(z0), z0 * jnp.ones(drive.bristle_count - 1), hidden)
 
 
-def state_at(drive: Drive, start: Start) -> State:
+def state_at(drive: Drive, start: Start) -> DriveState:
     """`initial_state` of `drive` for a `start`."""
     before = start[3] if len(start) == 4 else None
     return initial_state(drive, start[0], start[1], start[2], before)

@@ -37,8 +37,8 @@ from frictionjax.physics.effects import (
 )
 from frictionjax.simulation.lanes import Starts, rows_along, start_rows, tiled
 from frictionjax.simulation.load_side import contact, relaxed
-from frictionjax.simulation.observer import Gains, innovation_step
-from frictionjax.simulation.ros2 import State, Substeps
+from frictionjax.simulation.observer import ObserverGains, innovation_step
+from frictionjax.simulation.ros2 import DriveState, Substeps
 from frictionjax.simulation.samples import scan_samples
 
 
@@ -168,12 +168,12 @@ class Along(eqx.Module):
     a: Float[Array, "*n"]
 
 
-def along(drive: Drive, motion: State, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
+def along(drive: Drive, motion: DriveState, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
     """Inputs and variables of `drive` along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s
     per sample."""
     bristles = drive.bristles()
 
-    def one(state: State, u, push, rise):
+    def one(state: DriveState, u, push, rise):
         spring = drive.spring_force(state.bristle)
         now = drive.instant(state.x, state.v, push, spring, state.hidden)
         level, w, fast = drive.level_at(now), drive.bristle_speed(now), drive.slip_speed(now)
@@ -283,7 +283,7 @@ def injected_innovations(
     force: Float[Array, "r n"] | Push,
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
-    gains: Gains,
+    gains: ObserverGains,
     start: Starts,
     *,
     substeps: Substeps = 1,

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
 _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that is divided by, in any units
@@ -42,7 +42,7 @@ class Filtered(eqx.Module):
     innovation: Float[Array, " n"]
 
 
-def _flat(state: State) -> Float[Array, " m"]:
+def _flat(state: DriveState) -> Float[Array, " m"]:
     return jnp.concatenate([state.x[None], state.v[None], state.z, state.hidden])
 
 
@@ -58,7 +58,7 @@ def _flat_step(
     bristles, count = drive.bristles(), drive.bristle_count
 
     def step(flat, push):
-        state = State(flat[0], flat[1], flat[2], flat[3 : 2 + count], flat[2 + count :])
+        state = DriveState(flat[0], flat[1], flat[2], flat[3 : 2 + count], flat[2 + count :])
         return _flat(advance(drive, bristles, state, push, dt, substeps, exact_derivative=False))
 
     return step

@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, Int, PyTree
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.simulation.fixed import state_at
-from frictionjax.simulation.observer import Gains, innovation_step
-from frictionjax.simulation.ros2 import State, Substeps
+from frictionjax.simulation.observer import ObserverGains, innovation_step
+from frictionjax.simulation.ros2 import DriveState, Substeps
 from frictionjax.simulation.samples import scan_samples
 
 Starts = (
@@ -62,7 +62,7 @@ def rows_along(
     return scan_samples(sample, begin, jax.tree.map(jnp.transpose, (shared, own)), samples).T
 
 
-def start_rows(drives: Drive, z0: Float[Array, "k r"], start: Starts) -> tuple[Drive, State]:
+def start_rows(drives: Drive, z0: Float[Array, "k r"], start: Starts) -> tuple[Drive, DriveState]:
     """Each of the `drives`, leaves of shape `(k, ...)`, at the first sample of each recording: the drives by rows, and
     their states there; `start` as in `innovations_side_by_side`."""
     count, recordings = z0.shape
@@ -80,7 +80,7 @@ def innovations_side_by_side(
     u: Float[Array, "r n"],
     x: Float[Array, "r n"],
     dt: Float[Array, " r"],
-    gains: Gains,
+    gains: ObserverGains,
     start: Starts,
     *,
     substeps: Substeps = 1,

@@ -18,18 +18,18 @@ from frictionjax.core.arrays import Numbers, known
 from frictionjax.core.programs import compiled
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
-from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
 
-class Gains(eqx.Module):
+class ObserverGains(eqx.Module):
     """Gains of the observer: of the position, `position` (1), and of the velocity, `velocity` (1/s). Scalars, or one
     per lane, or one per sample."""
 
     position: Float[Numbers, "..."]
     velocity: Float[Numbers, "..."]
 
-    def along(self, *shape: int) -> "Gains":
+    def along(self, *shape: int) -> "ObserverGains":
         """One per sample, of a `shape` whose last axis is that of the samples; those that are not yet one per sample
         are the same along it."""
 
@@ -37,22 +37,24 @@ class Gains(eqx.Module):
             xp, (gain,) = known(gain)
             return xp.broadcast_to(gain.reshape(*gain.shape, *[1] * (len(shape) - gain.ndim)), shape)
 
-        return Gains(each(self.position), each(self.velocity))
+        return ObserverGains(each(self.position), each(self.velocity))
 
 
-Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""], Gains]
+Sample = tuple[Float[Array, ""] | Push, Float[Array, ""], Float[Array, ""], ObserverGains]
 """Motor force, measured position and time of a sample, and the gains there."""
 
 
-def observer_gains(bandwidth: float | Float[Numbers, "..."], dt: float | Float[Numbers, "..."]) -> Gains:
+def observer_gains(
+    bandwidth: float | Float[Numbers, "..."], dt: float | Float[Numbers, "..."]
+) -> ObserverGains:
     """Gains for an observer of `bandwidth` Hz on samples of `dt` s, with a double pole at p = exp(-2 pi bandwidth dt):
     l1 = 1 - p^2, l2 = (1 - p)^2/dt."""
     xp, (bandwidth, dt) = known(bandwidth, dt)
     pole = xp.exp(-2.0 * xp.pi * xp.asarray(bandwidth) * xp.asarray(dt))
-    return Gains(xp.asarray(1.0 - pole**2), xp.asarray((1.0 - pole) ** 2 / dt))
+    return ObserverGains(xp.asarray(1.0 - pole**2), xp.asarray((1.0 - pole) ** 2 / dt))
 
 
-def innovation_gain(gains: Gains) -> Float[Numbers, "..."]:
+def innovation_gain(gains: ObserverGains) -> Float[Numbers, "..."]:
     """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
 
     The norm of (1 - q)^2 / (1 - p q)^2, from noise to innovation with q the unit delay: sqrt(2 (3 + p) / (1 + p)^3).
@@ -64,7 +66,7 @@ def innovation_gain(gains: Gains) -> Float[Numbers, "..."]:
     return xp.asarray(xp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3))
 
 
-def left_by_observer(x: Float[np.ndarray, "rows n"], gains: Gains) -> Float[np.ndarray, "rows n"]:
+def left_by_observer(x: Float[np.ndarray, "rows n"], gains: ObserverGains) -> Float[np.ndarray, "rows n"]:
     """What an observer that expects every machine to keep its speed leaves of positions `x`: (1 - q)^2 / (1 - p q)^2 of
     them, with q the unit delay, which is the acceleration over its memory. `gains` of shape `(rows,)`.
     """
@@ -77,11 +79,11 @@ def left_by_observer(x: Float[np.ndarray, "rows n"], gains: Gains) -> Float[np.n
 
 @compiled()
 def left_by_varying_observer(
-    x: Float[Numbers, "rows n"], gains: Gains, dt: Float[Numbers, " rows"]
+    x: Float[Numbers, "rows n"], gains: ObserverGains, dt: Float[Numbers, " rows"]
 ) -> Float[Array, "rows n"]:
     """The same of positions `x` with `gains` that vary along the recordings, shape `(rows, n)`; `dt` s a sample."""
 
-    def one(x: Float[Array, " n"], gains: Gains, dt: Float[Array, ""]) -> Float[Array, " n"]:
+    def one(x: Float[Array, " n"], gains: ObserverGains, dt: Float[Array, ""]) -> Float[Array, " n"]:
         def sample(
             state: tuple[Float[Array, ""], Float[Array, ""]],
             now: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
@@ -112,8 +114,12 @@ class ObservedMotion(eqx.Module):
 
 
 def corrected(
-    drive: Drive, slack: Float[Array, " n"], state: State, innovation: Float[Array, ""], gains: Gains
-) -> State:
+    drive: Drive,
+    slack: Float[Array, " n"],
+    state: DriveState,
+    innovation: Float[Array, ""],
+    gains: ObserverGains,
+) -> DriveState:
     """State after the correction by one innovation; `slack` as in `Bristles`.
 
     The gains apply to the sensor's output and to the velocity. The error of a lagging sensor grows with velocity: its
@@ -139,7 +145,7 @@ def corrected(
     bent = jnp.abs(state.elements) / (slack[1:] * level / drive.friction.sigma0)
     elements = state.elements + further * jnp.maximum(0.0, 1.0 - bent)
     hidden = _load_kept(drive, hidden, further, faster)
-    return State(x, v, state.bristle + further * stuck, elements, hidden)
+    return DriveState(x, v, state.bristle + further * stuck, elements, hidden)
 
 
 def _load_kept(
@@ -157,17 +163,17 @@ def _load_kept(
     return jnp.concatenate([own, load - jnp.stack([further, faster])])
 
 
-def corrected_states(drive: Drive, observed: ObservedMotion, gains: Gains) -> State:
+def corrected_states(drive: Drive, observed: ObservedMotion, gains: ObserverGains) -> DriveState:
     """The states after each correction: what `observed` predicted, corrected by its innovation with `gains`.
 
     **Returns:**
 
-    A `State` of arrays of shape `(n,)` (`z`: `(n, bristles)`), for the `drive` that the observer ran with.
+    A `DriveState` of arrays of shape `(n,)` (`z`: `(n, bristles)`), for the `drive` that the observer ran with.
     """
     slack = drive.bristles().slack
 
     def correct(innovation, x, v, z, hidden, gains):
-        return corrected(drive, slack, State(x, v, z[0], z[1:], hidden), innovation, gains)
+        return corrected(drive, slack, DriveState(x, v, z[0], z[1:], hidden), innovation, gains)
 
     every = gains.along(*observed.x.shape)
     return jax.vmap(correct)(observed.innovation, observed.x, observed.v, observed.z, observed.hidden, every)
@@ -178,7 +184,7 @@ def observe(
     force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
-    gains: Gains,
+    gains: ObserverGains,
     start: Start,
     *,
     substeps: Substeps = 1,
@@ -220,7 +226,7 @@ def innovations(
     force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
-    gains: Gains,
+    gains: ObserverGains,
     start: Start,
     *,
     substeps: Substeps = 1,
@@ -237,7 +243,7 @@ def innovations(
 
 def innovation_step(
     drive: Drive, dt: Float[Array, ""], substeps: Substeps
-) -> Callable[[State, Sample], tuple[State, Float[Array, ""]]]:
+) -> Callable[[DriveState, Sample], tuple[DriveState, Float[Array, ""]]]:
     """One sample of `innovations`: (state, `Sample`) -> (state, innovation)."""
     bristles = drive.bristles()
 

@@ -13,8 +13,8 @@ from frictionjax.core import require_x64
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start
-from frictionjax.simulation.observer import Gains, ObservedMotion, corrected_states, observe
-from frictionjax.simulation.ros2 import State, Substeps, advance
+from frictionjax.simulation.observer import ObservedMotion, ObserverGains, corrected_states, observe
+from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 
 # Free runs in a batch: enough to fill the vector units, few enough to fit the cache.
 _BATCH = 1024
@@ -25,7 +25,7 @@ def run_ahead(
     force: Float[Array, " n"] | Push,
     observed: ObservedMotion,
     dt: Float[Array, ""],
-    gains: Gains,
+    gains: ObserverGains,
     *,
     horizon: int,
     stride: int,
@@ -39,7 +39,7 @@ def run_ahead(
     begin = jnp.arange(runs) * stride
     first = jax.tree.map(lambda leaf: leaf[begin], corrected_states(drive, observed, gains))
 
-    def one(run: tuple[State, Int[Array, ""]]) -> Float[Array, " stride"]:
+    def one(run: tuple[DriveState, Int[Array, ""]]) -> Float[Array, " stride"]:
         return free_run(drive, force, *run, dt, horizon, stride, room=stride, substeps=substeps)
 
     ahead = jax.lax.map(one, (first, begin), batch_size=min(_BATCH, runs))
@@ -49,7 +49,7 @@ def run_ahead(
 def free_run(
     drive: Drive,
     force: Float[Array, " n"] | Push,
-    state: State,
+    state: DriveState,
     begin: Int[Array, ""],
     dt: Float[Array, ""],
     horizon: int | Int[Array, ""],
@@ -67,8 +67,8 @@ def free_run(
     bristles, last = drive.bristles(), mean_of(force).shape[0] - 1
 
     def sample(
-        number: Int[Array, ""], carry: tuple[State, Float[Array, " room"]]
-    ) -> tuple[State, Float[Array, " room"]]:
+        number: Int[Array, ""], carry: tuple[DriveState, Float[Array, " room"]]
+    ) -> tuple[DriveState, Float[Array, " room"]]:
         state, passed = carry
         place = begin + number
         now = drive.measured(state.x, jnp.asarray(place, dtype=dt.dtype) * dt, state.hidden)
@@ -85,7 +85,7 @@ def _predict_ahead(
     force: Float[Array, " n"] | Push,
     x: Float[Array, " n"],
     dt: Float[Array, ""],
-    gains: Gains,
+    gains: ObserverGains,
     start: Start,
     horizon: int,
     stride: int,
@@ -100,7 +100,7 @@ def predict_ahead(
     force: Real[ArrayLike, "..."] | Push,
     x: Real[ArrayLike, "..."],
     dt: Real[ArrayLike, ""],
-    gains: Gains,
+    gains: ObserverGains,
     start: Start,
     *,
     horizon: int,

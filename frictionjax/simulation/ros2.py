@@ -35,7 +35,7 @@ Substeps = int | Int[Numbers, ""]
 """Number of integration steps a sample: of the program, or a number of the case, without a reverse-mode derivative."""
 
 
-class State(eqx.Module):
+class DriveState(eqx.Module):
     """State of a drive: position `x`, velocity `v`, deflection of LuGre's `bristle` and of the elasto-slip `elements`
     beside it, shape `(n,)` (position units, s), and the states that effects add, `hidden`, of shape `(m,)`."""
 
@@ -55,12 +55,12 @@ class State(eqx.Module):
 def ros2_step(
     drive: Drive,
     bristles: Bristles,
-    state: State,
+    state: DriveState,
     force: Float[Array, ""] | Push,
     h: Float[Array, ""],
     *,
     exact_derivative: bool = True,
-) -> State:
+) -> DriveState:
     """Advance `state` by `h` s under the motor force `force`, held over the step, or a `Push` that changes in it.
 
     Without `exact_derivative` the derivatives of A are left out of what is differentiated. As the order does not
@@ -262,19 +262,19 @@ def ros2_step(
         ]
     if side is not None:
         following.append(load + h * jnp.stack([1.5 * k1_d + 0.5 * k2_d, 1.5 * k1_w + 0.5 * k2_w]))
-    return State(x2, v2, z2, elements, jnp.concatenate(following))
+    return DriveState(x2, v2, z2, elements, jnp.concatenate(following))
 
 
 def advance(
     drive: Drive,
     bristles: Bristles,
-    state: State,
+    state: DriveState,
     force: Float[Array, ""] | Push,
     dt: Float[Array, ""],
     substeps: Substeps,
     *,
     exact_derivative: bool = True,
-) -> State:
+) -> DriveState:
     """Advance by one sample of `dt` s in `substeps` equal steps under the `force` of the sample; see `ros2_step`."""
     if isinstance(substeps, int) and substeps == 1:
         return ros2_step(drive, bristles, state, force, dt, exact_derivative=exact_derivative)

@@ -18,7 +18,7 @@ import scipy
 from jaxtyping import Float
 
 from frictionjax.core import InputError, public_verb
-from frictionjax.core.display import AbstractDisplayed, Display, Grid
+from frictionjax.core.display import AbstractDisplayed, Display, TextGrid
 from frictionjax.diagnosis.checked import LEVEL, binomial_interval
 from frictionjax.studies.axes import Axis
 from frictionjax.studies.calibration_task import RANKED, CalibrationTask
@@ -139,9 +139,9 @@ class Calibration(AbstractDisplayed):
             for one in self.false_names
         )
         grids = (
-            Grid(("parameter", "ranks", "within the 95 % interval", "p of even ranks"), tuple(ranks)),
-            Grid(("confidence", "names", "mean", "share right", "95 % interval"), tuple(bins)),
-            Grid(
+            TextGrid(("parameter", "ranks", "within the 95 % interval", "p of even ranks"), tuple(ranks)),
+            TextGrid(("confidence", "names", "mean", "share right", "95 % interval"), tuple(bins)),
+            TextGrid(
                 ("family", "what acts", "machines", "right", "false names", "95 % interval of their share"),
                 false,
             ),

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from frictionjax.core.arrays import Numbers
 from frictionjax.physics import Drive, LuGre
 from frictionjax.simulation.fixed import initial_state
-from frictionjax.simulation.ros2 import State, advance
+from frictionjax.simulation.ros2 import DriveState, advance
 from frictionjax.studies.gauss_newton import ENOUGH, inverse, step
 
 NAMES = ("J", "sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
@@ -66,7 +66,7 @@ def positions(theta: Float[Array, " 7"], u: Float[Array, " n"], dt: Float[Array,
     bristles = drive.bristles()
     zero = jnp.zeros(())
 
-    def sample(state: State, force: Float[Array, ""]) -> tuple[State, Float[Array, ""]]:
+    def sample(state: DriveState, force: Float[Array, ""]) -> tuple[DriveState, Float[Array, ""]]:
         # The cheaper derivatives of the scheme: they are within 0.2 % of the exact ones here.
         return advance(drive, bristles, state, force, dt, SUBSTEPS, exact_derivative=False), state.x
 

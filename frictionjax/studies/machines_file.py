@@ -11,7 +11,7 @@ from frictionjax.core.files import write_whole
 from frictionjax.core.json import plain_json
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.exchange.fit_file import drive_json
-from frictionjax.exchange.table import Table, drive_of
+from frictionjax.exchange.table import FieldTable, drive_of
 from frictionjax.studies.explanations import Explanation
 from frictionjax.studies.shards import cannot_write
 
@@ -65,7 +65,7 @@ def kept_machines(path: Path | None, asked: str, diagnosis: Diagnosis) -> tuple[
             np.array(entry.content["deflection"], dtype=float),
             entry.number("misfit"),
         )
-        for entry in Table(_content(path), "", path, "Remove it").listed("machines")
+        for entry in FieldTable(_content(path), "", path, "Remove it").listed("machines")
     )
     names = tuple(found.effect for found in diagnosis.missing)
     return machines if machines and machines[0].acting == names else None

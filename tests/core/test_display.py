@@ -8,7 +8,7 @@ import pytest
 import frictionjax as fj
 from frictionjax.core.display import (
     Display,
-    Grid,
+    TextGrid,
     as_html,
     as_text,
     estimates_grid,
@@ -83,7 +83,7 @@ def test_an_estimate_is_short_for_people_and_whole_for_programs():
 
 
 def test_tables_align_are_cut_and_count_what_is_left():
-    grid = Grid(("name", "value"), tuple((f"row {k}", "x" * 200) for k in range(40)))
+    grid = TextGrid(("name", "value"), tuple((f"row {k}", "x" * 200) for k in range(40)))
     text = as_text(Display("Title", ("word " * 60,), (grid,)))
     assert max(map(len, text.splitlines())) <= 100
     assert text.splitlines()[-1] == "  16 more rows"
@@ -92,7 +92,7 @@ def test_tables_align_are_cut_and_count_what_is_left():
 
 
 def test_html_is_escaped():
-    page = as_html(Display("a < b", ("c & d",), (Grid(("h",), (("<script>",),)),)))
+    page = as_html(Display("a < b", ("c & d",), (TextGrid(("h",), (("<script>",),)),)))
     assert "<script>" not in page
     assert "a &lt; b" in page
     assert "c &amp; d" in page
@@ -104,7 +104,7 @@ def test_grids_of_estimates_records_and_signals():
     )
     assert grid.rows == (("Fc", "1", "0.012", "N"), ("share", "0.4", "not determined", ""))
     grid = records_grid([{"a": 1.0, "b": None}, {"a": 2, "c": "x"}])
-    assert grid == Grid(("a", "b", "c"), (("1", "", ""), ("2", "", "x")))
+    assert grid == TextGrid(("a", "b", "c"), (("1", "", ""), ("2", "", "x")))
     assert signal_row("x", np.array([1.0, np.nan, -2.0]), "m") == ("x", "-2", "1", "m")
     assert signal_row("x", np.array([np.nan]), "m") == ("x", "no number", "", "m")
 

@@ -15,7 +15,7 @@ import pytest
 
 from frictionjax.core import FrictionjaxWarning, programs
 from frictionjax.core.programs import compiled, forget_programs
-from frictionjax.simulation import Gains
+from frictionjax.simulation import ObserverGains
 
 
 @pytest.fixture
@@ -34,18 +34,18 @@ class Counted:
 
         def scaled(gains, x, *more):
             self.traces += 1
-            return Gains(gains.position * x, gains.velocity + jnp.sum(x)), x**2
+            return ObserverGains(gains.position * x, gains.velocity + jnp.sum(x)), x**2
 
         scaled.__module__ = module
         self.run = compiled()(scaled)
 
 
-GAINS, X = Gains(np.asarray(2.0), np.asarray(3.0)), np.arange(4.0)
+GAINS, X = ObserverGains(np.asarray(2.0), np.asarray(3.0)), np.arange(4.0)
 
 
 def _checked(found, x=X):
     gains, squares = found
-    assert isinstance(gains, Gains)
+    assert isinstance(gains, ObserverGains)
     np.testing.assert_array_equal(gains.position, 2.0 * x)
     np.testing.assert_array_equal(gains.velocity, 3.0 + x.sum())
     np.testing.assert_array_equal(squares, x**2)
@@ -187,7 +187,7 @@ def test_structures_that_were_not_used_for_longest_are_let_go(monkeypatch):
 
     def halved(x, parts):
         traces.append(len(parts))
-        return Gains(0.5 * x, sum(parts))
+        return ObserverGains(0.5 * x, sum(parts))
 
     run = programs.Jitted(halved)
     for count in (1, 2, 1, 3, 1, 2):

@@ -17,7 +17,7 @@ from frictionjax.simulation import (
     simulate,
 )
 from frictionjax.simulation.observer import corrected
-from frictionjax.simulation.ros2 import State
+from frictionjax.simulation.ros2 import DriveState
 
 observe, innovations = eqx.filter_jit(observe), eqx.filter_jit(innovations)
 
@@ -175,7 +175,7 @@ def test_a_load_stays_where_it_is_when_the_motor_is_corrected(form, d):
     """x2 = x1 + d and v2 = v1 + w stay, in the gap and in contact."""
     drive = STAGE.with_effects(effect(form, ratio=0.3))
     load = jnp.asarray([d, 3e-3])
-    before = State(jnp.asarray(0.1), jnp.asarray(0.02), jnp.zeros(()), jnp.zeros(0), load)
+    before = DriveState(jnp.asarray(0.1), jnp.asarray(0.02), jnp.zeros(()), jnp.zeros(0), load)
     after = corrected(drive, drive.bristles().slack, before, jnp.asarray(1e-6), observer_gains(100.0, DT))
     moved = jnp.stack([after.x - before.x, after.v - before.v])
     assert float(jnp.min(moved)) > 0.0

@@ -13,7 +13,7 @@ from frictionjax.estimation.descent.robust import Fitted
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
-from frictionjax.simulation import Gains
+from frictionjax.simulation import ObserverGains
 
 
 class Scene(eqx.Module):
@@ -51,7 +51,7 @@ class Varying(eqx.Module):
     of the sensor's noise, shape `(r, n)`), `varies` (in which recordings they do, shape `(r,)`).
     """
 
-    gains: Gains
+    gains: ObserverGains
     unit: Float[np.ndarray, "r n"]
     varies: Bool[np.ndarray, " r"]
 

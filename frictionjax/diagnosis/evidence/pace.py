@@ -20,7 +20,7 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import FAST_BANDWIDTH, SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics import Drive
-from frictionjax.simulation import Gains
+from frictionjax.simulation import ObserverGains
 
 _LEAST_BANDWIDTH = (
     5.0  # Hz: what is older than a block must be forgotten, and the start before anything is scored
@@ -121,7 +121,7 @@ def schedule_of(
     gains, unit = np.asarray(found.gain), np.asarray(found.deviation) / noise[:, None]
     finite = np.all(np.isfinite(gains[..., :2]), axis=(1, 2)) & np.all(np.isfinite(unit), axis=1)
     return Schedule(
-        Gains(gains[..., 0], gains[..., 1]),
+        ObserverGains(gains[..., 0], gains[..., 1]),
         unit,
         free_mass_bandwidth(drive, batch, rule),
         finite & slow,

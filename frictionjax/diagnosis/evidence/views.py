@@ -18,7 +18,7 @@ from frictionjax.estimation.data.pieces import Piece, lanes_of, padded, pieces_o
 from frictionjax.physics import Drive, Push
 from frictionjax.physics.effects import Before
 from frictionjax.simulation import (
-    Gains,
+    ObserverGains,
     innovation_gain,
     observe,
     observer_gains,
@@ -27,7 +27,7 @@ from frictionjax.simulation import (
 from frictionjax.simulation.fixed import run_free
 from frictionjax.simulation.observer import corrected_states
 from frictionjax.simulation.prediction import free_run
-from frictionjax.simulation.ros2 import State
+from frictionjax.simulation.ros2 import DriveState
 
 _AHEAD = 0.1  # s
 _FORCE_BANDWIDTH = 25.0  # Hz
@@ -75,7 +75,7 @@ class _Along(eqx.Module):
     bend: Float[Numbers, "*w n"]
     innovation: Float[Numbers, "*w n"]
     x: Float[Numbers, "*w n"]
-    states: State
+    states: DriveState
     push: Push
 
 
@@ -83,7 +83,7 @@ class _Along(eqx.Module):
 def _along(
     drive: Drive,
     batch: Batch,
-    gains: Gains,
+    gains: ObserverGains,
     deflection: Float[Numbers, " w"],
     first: Float[Numbers, " w"],
     bandwidth: Float[Numbers, ""],
@@ -92,7 +92,7 @@ def _along(
         u: Float[Numbers, " n"],
         x: Float[Numbers, " n"],
         dt: Float[Numbers, ""],
-        gains: Gains,
+        gains: ObserverGains,
         start: tuple[Float[Numbers, ""], Float[Numbers, ""], Float[Numbers, ""], Before],
         x_first: Float[Numbers, ""],
         length: Int[Numbers, ""],
@@ -119,14 +119,14 @@ def _along(
 def _free_runs(
     drive: Drive,
     push: Push,
-    states: State,
+    states: DriveState,
     begin: Int[Numbers, " runs"],
     dt: Float[Numbers, ""],
     horizon: Int[Numbers, ""],
     stride: Int[Numbers, ""],
     steps: Int[Numbers, ""],
 ) -> Float[Numbers, "runs room"]:
-    def one(state: State, begin: Int[Numbers, ""]) -> Float[Numbers, " room"]:
+    def one(state: DriveState, begin: Int[Numbers, ""]) -> Float[Numbers, " room"]:
         return free_run(drive, push, state, begin, dt, horizon, stride, room=_ROOM, substeps=steps)
 
     return jax.vmap(one)(states, begin)
@@ -173,7 +173,7 @@ def _view_of_rows(
         own = (
             lanes_of(gains, piece)
             if varying is None
-            else Gains(padded(gains.position, piece), padded(gains.velocity, piece))
+            else ObserverGains(padded(gains.position, piece), padded(gains.velocity, piece))
         )
         found = _along(judgement.drive, part, own, bent, first, bandwidth)
         fields["ahead"].append(_ahead(judgement.drive, found, piece, part, horizon))

@@ -22,7 +22,7 @@ from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import all_columns
 from frictionjax.physics import Drive, LuGre, Push
 from frictionjax.physics.effects import AbstractEffect, Before
-from frictionjax.simulation import Gains, observe
+from frictionjax.simulation import ObserverGains, observe
 from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.injected import (
     Along,
@@ -184,9 +184,13 @@ def _effects_at(posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers
 
 
 @compiled()
-def _motion(drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains: Gains) -> Along:
+def _motion(drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains: ObserverGains) -> Along:
     def one(
-        u: Float[Numbers, " n"], x: Float[Numbers, " n"], dt: Float[Numbers, ""], gains: Gains, start: Start
+        u: Float[Numbers, " n"],
+        x: Float[Numbers, " n"],
+        dt: Float[Numbers, ""],
+        gains: ObserverGains,
+        start: Start,
     ) -> Along:
         force, steps, samples = drive.applied_force(u, dt), batch.steps, batch.samples
         observed = observe(drive, force, x, dt, gains, start, substeps=steps, samples=samples)

@@ -14,7 +14,7 @@ from frictionjax.core.arrays import Numbers, known
 from frictionjax.estimation.data.pieces import Piece, Run, earlier_of, lanes_of, padded
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
-from frictionjax.simulation import Gains
+from frictionjax.simulation import ObserverGains
 from frictionjax.simulation.ros2 import Substeps
 
 # The observer forgets its first guess of the velocity within this time, s; nothing before it is scored.
@@ -175,7 +175,7 @@ class Batch(AbstractBatch):
     def each(
         self,
         function: Callable[..., PyTree],
-        gains: Gains,
+        gains: ObserverGains,
         deflection: Float[Numbers, " r"],
         *more: PyTree,
     ) -> PyTree:
@@ -194,7 +194,7 @@ class Batch(AbstractBatch):
             u: Float[Numbers, " n"],
             x: Float[Numbers, " n"],
             dt: Float[Numbers, ""],
-            gains: Gains,
+            gains: ObserverGains,
             x0: Float[Numbers, ""],
             v0: Float[Numbers, ""],
             z0: Float[Numbers, ""],

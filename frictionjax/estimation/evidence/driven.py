@@ -15,7 +15,7 @@ from frictionjax.estimation.evidence.base import AbstractRecordings
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.simulation import (
-    Gains,
+    ObserverGains,
     innovation_gain,
     innovations,
     left_by_observer,
@@ -37,7 +37,7 @@ class Schedule(eqx.Module):
     recordings it is for, shape `(r,)`), `fastest` (bandwidth of the fastest observer that it replaces, Hz).
     """
 
-    gains: Gains
+    gains: ObserverGains
     unit: Float[Numbers, "r n"]
     band: Float[np.ndarray, " r"]
     used: Bool[np.ndarray, " r"]
@@ -55,7 +55,7 @@ class Observed(AbstractRecordings):
     """
 
     batch: Batch
-    gains: Gains
+    gains: ObserverGains
     unit: Float[Numbers, "r n"]
     band: Float[Numbers, " r"]
     pace: Float[Numbers, " r"]
@@ -64,7 +64,7 @@ class Observed(AbstractRecordings):
 
     def piece(self, piece: Piece) -> "Observed":
         """The recordings of a `piece`, of its shape, without the schedule."""
-        gains = Gains(padded(self.gains.position, piece), padded(self.gains.velocity, piece))
+        gains = ObserverGains(padded(self.gains.position, piece), padded(self.gains.velocity, piece))
         numbers = lanes_of((self.band, self.pace, self.varies), piece)
         return Observed(self.batch.piece(piece), gains, padded(self.unit, piece), *numbers)
 
@@ -83,7 +83,7 @@ class Observed(AbstractRecordings):
             u: Float[Numbers, " n"],
             x: Float[Numbers, " n"],
             dt: Float[Numbers, ""],
-            gains: Gains,
+            gains: ObserverGains,
             start: tuple[Float[Numbers, ""], Float[Numbers, ""], Float[Numbers, ""], Before],
         ) -> Float[Numbers, " n"]:
             force = drive.applied_force(u, dt)
@@ -144,7 +144,7 @@ class Observed(AbstractRecordings):
         return np.asarray(self.band)
 
     @property
-    def _steady(self) -> Gains:
+    def _steady(self) -> ObserverGains:
         """The constant gains of the `bandwidth`."""
         return observer_gains(np.asarray(self.band), np.asarray(self.batch.dt))
 

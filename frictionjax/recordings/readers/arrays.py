@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError
-from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.base import AbstractColumnTable
 from frictionjax.recordings.readers.extra import clean_errors
 from frictionjax.recordings.words import shown
 
@@ -17,7 +17,7 @@ _WIDEST_MATRIX = 64
 """Columns of the widest matrix that is taken for channels; a wider one is an image."""
 
 
-class ArrayTable(AbstractTable):
+class ArrayTable(AbstractColumnTable):
     """The numeric vectors of a file.
 
     **Attributes:**

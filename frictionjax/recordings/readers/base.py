@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 
-class AbstractTable(eqx.Module):
+class AbstractColumnTable(eqx.Module):
     """An opened file of named columns of numbers.
 
     Opening finds the names only; a column that is not needed is never converted, so a text column does no
@@ -63,4 +63,4 @@ class AbstractTable(eqx.Module):
 class Reader(Protocol):
     """Opens one format: `reader(path)` returns a table or raises `InputError`."""
 
-    def __call__(self, path: Path) -> AbstractTable: ...
+    def __call__(self, path: Path) -> AbstractColumnTable: ...

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from frictionjax.core import InputError
 from frictionjax.recordings.limits import require_small, too_large
-from frictionjax.recordings.readers.base import AbstractTable, Reader
+from frictionjax.recordings.readers.base import AbstractColumnTable, Reader
 from frictionjax.recordings.readers.content_kind import kind_of
 from frictionjax.recordings.readers.frames import open_feather, open_parquet
 from frictionjax.recordings.readers.hdf5 import open_hdf5
@@ -49,7 +49,7 @@ READERS: dict[str, Reader] = {
 _SUFFIXES = tuple(suffix for suffix in READERS if not suffix.endswith((".gz", ".zip")))
 
 
-def open_table(path: Path) -> AbstractTable:
+def open_table(path: Path) -> AbstractColumnTable:
     """Open a file of measured columns with the reader of its suffix; where that is none of ours, with that of its
     content, which is a table of text if nothing else.
 
@@ -72,7 +72,7 @@ def open_table(path: Path) -> AbstractTable:
         raise _of_another_format(path, reader) or error from None
 
 
-def _open_by_content(path: Path) -> AbstractTable:
+def _open_by_content(path: Path) -> AbstractColumnTable:
     """The table of a file whose suffix says nothing: of the format that its first bytes show, else as text."""
     kind = kind_of(path)
     if kind is not None and kind.suffix:

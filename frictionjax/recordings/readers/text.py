@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.limits import require_short_lines
-from frictionjax.recordings.readers.base import AbstractTable
+from frictionjax.recordings.readers.base import AbstractColumnTable
 from frictionjax.recordings.readers.fast import numbers_of
 from frictionjax.recordings.readers.layout import (
     NUMBER,
@@ -31,7 +31,7 @@ _HEAD = 1 << 20
 """Bytes from which the layout is read."""
 
 
-class TextTable(AbstractTable):
+class TextTable(AbstractColumnTable):
     """A text file of columns: its content, how that is encoded, whether its numbers have decimal commas, its layout."""
 
     path: Path = eqx.field(static=True)
