@@ -13,7 +13,7 @@ from benchmarks.nist.models import MODELS, Model
 from benchmarks.nist.problems import Problem
 from frictionjax.estimation.descent.levenberg_marquardt import Descent, equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.refine import AbstractRounds, OneFit, at_start, refine
-from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS, Progress, State, judged
+from frictionjax.estimation.descent.round import NEAR_TOLERANCE, NEAR_UNITS, FitState, RoundProgress, judged
 from frictionjax.estimation.descent.stepper import Ending
 from frictionjax.estimation.objective.quadratic import AbstractObjective, Quadratic
 
@@ -90,26 +90,26 @@ class _Rounds(AbstractRounds):
     substeps: int = eqx.field(static=True)
     taken: list[int]
 
-    def round(self, state: State, ratios: Float[np.ndarray, "r k"] | None) -> State:
+    def round(self, state: FitState, ratios: Float[np.ndarray, "r k"] | None) -> FitState:
         """The likeliest noise, then a few steps."""
         objective = _likeliest(state.posterior, state.vector)
         unit = NEAR_UNITS * equal_curvature(objective, state.vector) if state.unit is None else state.unit
         end = levenberg_marquardt(objective, state.vector, unit, _ROUND_STEPS, tolerance=NEAR_TOLERANCE)
         self.taken.append(int(end.steps))
         cost = end.cost + objective.y.size * np.log(objective.std)
-        return State(objective, end.vector, None, NEAR_UNITS * end.unit, cost, end.ending)
+        return FitState(objective, end.vector, None, NEAR_UNITS * end.unit, cost, end.ending)
 
-    def started(self, state: State) -> Progress:
+    def started(self, state: FitState) -> RoundProgress:
         """The progress before any round."""
         return OneFit(self.known, self.substeps).started(state)
 
     def judged(
-        self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[np.ndarray, ""], Bool[np.ndarray, ""]]:
+        self, progress: RoundProgress, before: FitState, after: FitState
+    ) -> tuple[RoundProgress, Bool[np.ndarray, ""], Bool[np.ndarray, ""]]:
         """The stopping rule of a fit."""
         return judged(progress, before, after)
 
-    def coulomb(self, state: State) -> Float[np.ndarray, ""]:
+    def coulomb(self, state: FitState) -> Float[np.ndarray, ""]:
         """None: there is no friction here."""
         return np.zeros(())
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from frictionjax.estimation.profile import profile_likelihood as profile_likelihood
     from frictionjax.estimation.result import FitResult as FitResult
     from frictionjax.estimation.result import RecordingNoise as RecordingNoise
-    from frictionjax.estimation.start.driven import Start as Start
+    from frictionjax.estimation.start.driven import StartingValues as StartingValues
     from frictionjax.estimation.start.driven import starting_values as starting_values
 
 late_door(
@@ -39,7 +39,7 @@ late_door(
         "profile_likelihood": "profile",
         "FitResult": "result",
         "RecordingNoise": "result",
-        "Start": "start.driven",
+        "StartingValues": "start.driven",
         "starting_values": "start.driven",
     },
 )

@@ -25,7 +25,7 @@ class Rejected(eqx.Module):
     sentence: str = eqx.field(static=True)
 
 
-class Candidates(eqx.Module):
+class CandidateExperiments(eqx.Module):
     """All candidates as one list of records.
 
     **Attributes:** `names`; `inputs` (all records, one after the other) and their `labels`; `groups` (the indices of
@@ -38,7 +38,7 @@ class Candidates(eqx.Module):
     groups: list[list[int]]
 
 
-def candidates_of(candidates: Mapping[str, Candidate]) -> Candidates:
+def candidates_of(candidates: Mapping[str, Candidate]) -> CandidateExperiments:
     """The `candidates` (name -> input or inputs), each of whose records gets a label."""
     if not isinstance(candidates, Mapping) or not candidates:
         raise InputError(
@@ -62,7 +62,7 @@ def candidates_of(candidates: Mapping[str, Candidate]) -> Candidates:
         labels += [
             f"candidate {name!r}" + (f", record {i}" if len(several) > 1 else "") for i in range(len(several))
         ]
-    return Candidates(tuple(candidates), inputs, labels, groups)
+    return CandidateExperiments(tuple(candidates), inputs, labels, groups)
 
 
 _QUANTITIES = {"x": "position", "v": "velocity", "u": "input"}

@@ -150,7 +150,9 @@ def optimise_multisine(
     found = assembled(layout, drive, plan, records)
     scale = found.scale if known is None else known.scale
     judge = question.criterion(names, scale)
-    problem = _Problem(drive, 1.0 / real(plan.rates[0]), real(plan.noises[0]), plan.starts[0], real(before))
+    problem = _DesignProblem(
+        drive, 1.0 / real(plan.rates[0]), real(plan.noises[0]), plan.starts[0], real(before)
+    )
 
     def value_and_slope(theta: Float[np.ndarray, " t"]) -> tuple[float, Float[np.ndarray, " t"]]:
         value, slope = _value_and_slope(layout, judge, shape, plan.substeps, problem, real(theta))
@@ -216,7 +218,7 @@ def _climbed(
     return best[1], np.asarray(history)
 
 
-class _Problem(NamedTuple):
+class _DesignProblem(NamedTuple):
     """The numbers of a case; `known` are the rows of the information known before."""
 
     drive: Drive
@@ -232,7 +234,7 @@ def _value_and_slope(
     judge: Criterion,
     shape: SignalShape,
     substeps: int,
-    problem: _Problem,
+    problem: _DesignProblem,
     theta: Float[Array, " t"],
 ) -> tuple[Float[Array, ""], Float[Array, " t"]]:
     def value(theta: Float[Array, " t"]) -> Float[Array, ""]:

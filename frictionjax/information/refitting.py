@@ -22,7 +22,7 @@ _TRIED = ((0.0, 1.0), (0.0, 0.3), (0.0, 0.1), (1e-9, 1.0), (1e-6, 1.0), (1e-3, 1
 _ENOUGH = 0.3
 
 
-class Run(NamedTuple):
+class SimulatedSession(NamedTuple):
     """All records of a session by one model: positions over the noise `x`, their derivatives `columns`, the largest |x|
     and |v| as `peaks`, and the `stroke`."""
 
@@ -43,7 +43,7 @@ class Rival(NamedTuple):
     drive: Drive
     layout: tuple[Free, ...]
 
-    def run(self, session: Plan, q: Float[np.ndarray, " p"] | None = None) -> Run:
+    def run(self, session: Plan, q: Float[np.ndarray, " p"] | None = None) -> SimulatedSession:
         """The records of `session` with the coordinates moved by `q`, shape `(p,)` (None: not)."""
         q = np.zeros(len(self.layout)) if q is None else q
         xs, columns, peaks, stroke = [], [], {"x": 0.0, "v": 0.0}, 0.0
@@ -59,7 +59,7 @@ class Rival(NamedTuple):
                 "v": float(np.maximum(peaks["v"], np.max(np.abs(v)))),
             }
             stroke = max(stroke, float(np.ptp(x)))
-        return Run(np.concatenate(xs), np.concatenate(columns), peaks, stroke)
+        return SimulatedSession(np.concatenate(xs), np.concatenate(columns), peaks, stroke)
 
 
 @eqx.filter_jit
@@ -84,7 +84,9 @@ class Distance(NamedTuple):
     converged: bool
 
 
-def distance(rival: Rival, run: Run, truth: Run, session: Plan, place: int, steps: int) -> Distance:
+def distance(
+    rival: Rival, run: SimulatedSession, truth: SimulatedSession, session: Plan, place: int, steps: int
+) -> Distance:
     """Distance of the `rival` from the `truth` after a refit of at most `steps` steps.
 
     **Arguments:**
@@ -121,7 +123,7 @@ class _Refit:
     def __init__(
         self,
         rival: Rival,
-        truth: Run,
+        truth: SimulatedSession,
         session: Plan,
         weak: Float[np.ndarray, " p"],
         values: Float[np.ndarray, " p"],
@@ -136,15 +138,17 @@ class _Refit:
         ]
         self.low, self.high = np.asarray(ends).T
 
-    def left(self, run: Run) -> float:
+    def left(self, run: SimulatedSession) -> float:
         """Squared distance of the positions from those of the truth."""
         return float(np.sum((self.truth.x - run.x) ** 2))
 
-    def misfit(self, q: Float[np.ndarray, " p"], run: Run) -> float:
+    def misfit(self, q: Float[np.ndarray, " p"], run: SimulatedSession) -> float:
         """The same with the prior."""
         return self.left(run) + float(np.sum((self.weak * q) ** 2))
 
-    def steps(self, q: Float[np.ndarray, " p"], run: Run) -> Iterator[tuple[Float[np.ndarray, " p"], float]]:
+    def steps(
+        self, q: Float[np.ndarray, " p"], run: SimulatedSession
+    ) -> Iterator[tuple[Float[np.ndarray, " p"], float]]:
         """The steps to be tried, each with its predicted misfit; the first is the Gauss-Newton step."""
         rows = np.concatenate([run.columns, np.diag(self.weak)])
         size, missing = np.linalg.norm(rows, axis=0), np.concatenate([self.truth.x - run.x, -self.weak * q])
@@ -154,11 +158,11 @@ class _Refit:
             step = part * (right.T @ (values / (values**2 + damping) * along)) / size
             yield step, float(np.sum((missing - rows @ step) ** 2))
 
-    def predicted(self, q: Float[np.ndarray, " p"], run: Run) -> float:
+    def predicted(self, q: Float[np.ndarray, " p"], run: SimulatedSession) -> float:
         """Predicted squared distance and prior after a full Gauss-Newton step."""
         return next(self.steps(q, run))[1]
 
-    def descend(self, q: Float[np.ndarray, " p"], run: Run, steps: int) -> tuple[float, bool]:
+    def descend(self, q: Float[np.ndarray, " p"], run: SimulatedSession, steps: int) -> tuple[float, bool]:
         """Squared distance at the end, and whether the refit has converged."""
         for _ in range(steps):
             if self.settled(q, run):
@@ -176,13 +180,13 @@ class _Refit:
             q, run = best
         return self.left(run), self.settled(q, run)
 
-    def settled(self, q: Float[np.ndarray, " p"], run: Run) -> bool:
+    def settled(self, q: Float[np.ndarray, " p"], run: SimulatedSession) -> bool:
         """Whether the predicted decrease of a further step is small; distances well below 1 cannot be distinguished."""
         now = self.misfit(q, run)
         return now - self.predicted(q, run) < max(_STEADY * now, _STEADY)
 
 
-def finite_or_error(run: Run, session: Plan) -> None:
+def finite_or_error(run: SimulatedSession, session: Plan) -> None:
     """An error when the `run` of a `session` overflows."""
     if not run.finite:
         raise InputError(

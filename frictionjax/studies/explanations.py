@@ -25,7 +25,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.diagnosis.verdict import Diagnosis, MissingEffect
-from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
@@ -179,7 +179,7 @@ class _Fits:
         return Model(slow, fitted, judge(slow, fitted))
 
 
-def _refitted(trial: Trial) -> tuple[Posterior, Fitted]:
+def _refitted(trial: Trial) -> tuple[Posterior, RobustFit]:
     """The model of a `trial` with everything free, from the step that its test takes."""
     slow = trial.posterior.at_bandwidth(SLOW_BANDWIDTH)
     return slow, descend(slow, trial.vector, graduate=False)

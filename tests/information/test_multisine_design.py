@@ -68,7 +68,9 @@ def test_the_gradient_is_that_of_finite_differences():
     judge = Question("parameter", ("sigma1", "Fs")).criterion(tuple(one.label for one in layout), np.ones(7))
     shape = SignalShape(real(np.zeros(N_DESIGN)), jnp.asarray(lines), real(rms(u)), jnp.asarray(False))
     rest = (real(0.0), real(0.0))
-    problem = multisine_design._Problem(ROTARY, 1.0 / real(RATE), real(noise), rest, real(np.zeros((7, 7))))
+    problem = multisine_design._DesignProblem(
+        ROTARY, 1.0 / real(RATE), real(noise), rest, real(np.zeros((7, 7)))
+    )
 
     def value(theta):
         return multisine_design._value_and_slope(layout, judge, shape, 2, problem, real(theta))

@@ -12,13 +12,13 @@ import numpy as np
 
 from benchmarks.concealed.rivals.ground import Ground
 from benchmarks.concealed.rivals.largest_r2 import r2_of
-from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 
 _STEPS = 6
 
 
-def criterion(posterior: Posterior, fitted: Fitted) -> float:
+def criterion(posterior: Posterior, fitted: RobustFit) -> float:
     """BIC: twice the negative log-likelihood, plus log n for each parameter."""
     rows = np.asarray(posterior.fitted[0])[:, None]
     samples = float(np.sum(np.asarray(posterior.batch.block_count) * rows))

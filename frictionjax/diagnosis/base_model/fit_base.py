@@ -17,7 +17,7 @@ from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.descent.finer import at_finer_steps
-from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import robust_posterior
 from frictionjax.estimation.parameters import at_a_bound
@@ -114,8 +114,8 @@ def fit_base(
 
 
 def _at_its_own_pace(
-    posterior: Posterior, fitted: Fitted, held_out: Bool[np.ndarray, " r"], rule: Rule
-) -> tuple[Posterior, Fitted]:
+    posterior: Posterior, fitted: RobustFit, held_out: Bool[np.ndarray, " r"], rule: Rule
+) -> tuple[Posterior, RobustFit]:
     """The base model with the observers that it asks for, by the `rule`, converged from its likeliest parameters and
     from where it was `fitted`: the better end."""
     paced, there = observed_as_asked(posterior, fitted.vector, held_out, rule=rule)
@@ -166,7 +166,7 @@ def reported_parameters(
     return estimates(posterior, known, units), message
 
 
-def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, Fitted]:
+def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, RobustFit]:
     """The `model` fitted again without the blocks that a `force` makes unpredictable, by the `rule`; unchanged where
     there are none, or where the other blocks hardly determine one of its parameters."""
     posterior, fitted = model.posterior, model.fitted

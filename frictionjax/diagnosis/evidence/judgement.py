@@ -9,7 +9,7 @@ from frictionjax.core.arrays import Numbers
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import shares, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch, rows_of
-from frictionjax.estimation.descent.robust import Fitted
+from frictionjax.estimation.descent.robust import RobustFit
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics import Drive
@@ -118,7 +118,7 @@ def by_cluster(blocks: Float[np.ndarray, "r b"]) -> Float[np.ndarray, "r c"]:
     return np.pad(blocks, ((0, 0), (0, short))).reshape(blocks.shape[0], -1, CLUSTER).sum(-1)
 
 
-def judge(posterior: Posterior, fitted: Fitted) -> Judgement:
+def judge(posterior: Posterior, fitted: RobustFit) -> Judgement:
     """The `Judgement` of the model that a descent of the `posterior` ended at, `fitted`. Held-out recordings determined
     nothing but their own starting deflections."""
     power = np.nan_to_num(fitted.power, nan=1e30, posinf=1e30) * posterior.batch.eased[:, None]

@@ -5,7 +5,7 @@ import jax
 import numpy as np
 
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene, Varying
-from frictionjax.estimation.descent.robust import Fitted
+from frictionjax.estimation.descent.robust import RobustFit
 from frictionjax.estimation.evidence import Observed
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.physics.effects import AbstractEffect, AbstractLoadEffect
@@ -16,7 +16,7 @@ class Model(eqx.Module):
     `judgement`."""
 
     posterior: Posterior
-    fitted: Fitted
+    fitted: RobustFit
     judgement: Judgement
 
 

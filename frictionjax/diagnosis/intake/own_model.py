@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionjax.core import InputError, Parameter
 from frictionjax.estimation.parameters import INERTIA
-from frictionjax.estimation.start.driven import Start, starting_values
+from frictionjax.estimation.start.driven import StartingValues, starting_values
 from frictionjax.estimation.start.force_balance import force_balance, force_of
 from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractStateEffect, catalogue
@@ -100,7 +100,7 @@ def own_model(case: Case) -> OwnModel:
     )
 
 
-def starting_values_beside(own: OwnModel, case: Case) -> tuple[Start, OwnModel]:
+def starting_values_beside(own: OwnModel, case: Case) -> tuple[StartingValues, OwnModel]:
     """Starting values of the fitted recordings of a force-driven `case` beside the effects of its `own` model, whose
     force is taken off the motor force; and that model, with strengths that were not given as a force balance says."""
     constant = case.plant.motor_constant or 1.0

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.intake.own_model import OwnModel, own_model, starting
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make_batch, steps_a_sample
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
-from frictionjax.estimation.start.driven import Start
+from frictionjax.estimation.start.driven import StartingValues
 from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.recordings import Case, Recording
 
@@ -32,7 +32,7 @@ class StartingPoint(eqx.Module):
     recordings: tuple[Recording, ...]
     batch: AbstractBatch
     held_out: Bool[np.ndarray, " r"]
-    start: Start
+    start: StartingValues
     own: OwnModel
     notes: tuple[str, ...] = eqx.field(static=True)
 
@@ -63,7 +63,7 @@ def starting_point(case: Case) -> StartingPoint:
     return StartingPoint(recordings, batch, held_out, start, own, (*start.notes, *notes, *_said(own)))
 
 
-def starts_of(case: Case) -> tuple[Start, OwnModel]:
+def starts_of(case: Case) -> tuple[StartingValues, OwnModel]:
     """Starting values of the fitted recordings of a `case`, with what its own model gives, and the input held where
     nothing else was decided; and that model."""
     own = own_model(case)

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import Pair
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.estimation.descent.robust import Ending, Fitted, descend
+from frictionjax.estimation.descent.robust import Ending, RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed, pack
@@ -82,7 +82,7 @@ class Candidate:
 
     trial: Trial
     posterior: Posterior
-    fitted: Fitted
+    fitted: RobustFit
 
 
 def first_descent(start: Start, trial: Trial) -> Candidate:
@@ -227,14 +227,14 @@ def _other_starts(start: Start, posterior: Posterior, vector: Vector) -> list[Ve
     return [] if other is vector else [other]
 
 
-def _lowest(start: Start, posterior: Posterior, starts: list[Vector]) -> Fitted:
+def _lowest(start: Start, posterior: Posterior, starts: list[Vector]) -> RobustFit:
     """The lowest end of descents from the `starts` that begin with a wide loss."""
     budget = start.effort.refitting
     ends = [descend(posterior, one, steps=budget.steps, tolerance=budget.tolerance) for one in starts]
     return min(ends, key=lambda fitted: fitted.misfit)
 
 
-def _first_steps(start: Start, posterior: Posterior, starts: list[Vector]) -> Fitted:
+def _first_steps(start: Start, posterior: Posterior, starts: list[Vector]) -> RobustFit:
     """The lowest end of the first steps from the `starts`."""
     budget = start.effort.refitting
     # From a step that gains a wide loss leads no further than the noise's own.

@@ -30,7 +30,7 @@ from frictionjax.diagnosis.selection.stored_tables import (
     asked_of_whole,
 )
 from frictionjax.diagnosis.table import Comparison, Table, table_of_one
-from frictionjax.estimation.descent.robust import Fitted, descend
+from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
 from frictionjax.physics.effects import AbstractEffect
@@ -277,7 +277,7 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
     # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
     own = full.posterior
     empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.posterior, (own.evidence, own.weights))
-    ends: list[tuple[Posterior, Fitted]] = []
+    ends: list[tuple[Posterior, RobustFit]] = []
     for vector in (np.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
         posterior = empty
         for place in places:

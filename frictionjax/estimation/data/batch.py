@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int, PyTree
 
 from frictionjax.core.arrays import Numbers, known
-from frictionjax.estimation.data.pieces import Piece, Run, earlier_of, lanes_of, padded
+from frictionjax.estimation.data.pieces import Piece, RunLength, earlier_of, lanes_of, padded
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
 from frictionjax.simulation import ObserverGains
@@ -44,7 +44,7 @@ class AbstractBatch(eqx.Module):
     lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
     before: eqx.AbstractVar[Before]
     substeps: eqx.AbstractVar[int]
-    run: eqx.AbstractVar[Run | None]
+    run: eqx.AbstractVar[RunLength | None]
 
     @property
     @abstractmethod
@@ -127,7 +127,7 @@ class Batch(AbstractBatch):
     lengths: Int[np.ndarray, " r"]
     before: Before
     substeps: int = eqx.field(static=True, default=1)
-    run: Run | None = None
+    run: RunLength | None = None
 
     def piece(self, piece: Piece) -> "Batch":
         """The recordings of a `piece`, of its shape."""
@@ -139,7 +139,7 @@ class Batch(AbstractBatch):
             block=1,
             lengths=self.lengths[piece.lanes],
             before=before_piece(self.before, piece),
-            run=Run(np.asarray(piece.samples), np.asarray(self.substeps)),
+            run=RunLength(np.asarray(piece.samples), np.asarray(self.substeps)),
         )
 
     @property

@@ -15,7 +15,7 @@ from frictionjax.estimation.data.batch import (
     what_was_before,
 )
 from frictionjax.estimation.data.force_noise import force_noise_levels
-from frictionjax.estimation.data.pieces import Piece, Run, lanes_of, padded
+from frictionjax.estimation.data.pieces import Piece, RunLength, lanes_of, padded
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
@@ -39,7 +39,7 @@ class ImposedBatch(AbstractBatch):
     before: Before
     ease: Float[Numbers, " r"]
     substeps: int = eqx.field(static=True, default=1)
-    run: Run | None = None
+    run: RunLength | None = None
 
     def piece(self, piece: Piece) -> "ImposedBatch":
         """The recordings of a `piece`, of its shape; their motion goes on with its last velocity."""
@@ -51,7 +51,7 @@ class ImposedBatch(AbstractBatch):
             block=1,
             lengths=self.lengths[piece.lanes],
             before=before_piece(self.before, piece),
-            run=Run(np.asarray(piece.samples), np.asarray(self.substeps)),
+            run=RunLength(np.asarray(piece.samples), np.asarray(self.substeps)),
         )
 
     @property

@@ -38,7 +38,7 @@ class Piece(NamedTuple):
     length: int
 
 
-class Run(NamedTuple):
+class RunLength(NamedTuple):
     """What is a number of the case in a piece, and of the program otherwise: the `samples` to be run along, and the
     integration `substeps` a sample."""
 

@@ -215,7 +215,7 @@ def levenberg_marquardt(
     """
     xp, (vector, unit) = known(vector, unit)
     if xp is np and numpy_or_jax(objective) is np:
-        return _step_by_step(_Problem(objective, vector, unit, tolerance), max_steps, stepper)
+        return _step_by_step(_LeastSquaresProblem(objective, vector, unit, tolerance), max_steps, stepper)
     import optimistix as optx
 
     solution = optx.least_squares(
@@ -239,11 +239,11 @@ def levenberg_marquardt(
     )
 
 
-class _Place(AbstractPlace):
+class _LeastSquaresPlace(AbstractPlace):
     """A `place`, in units, on the way down an `objective`, with the residuals that stand for its cost there, and their
     `slope` by the place."""
 
-    problem: "_Problem"
+    problem: "_LeastSquaresProblem"
     place: Float[np.ndarray, " q"]
     residual: Float[np.ndarray, " q1"]
     slope: Float[np.ndarray, "q1 q"]
@@ -268,11 +268,11 @@ class _Place(AbstractPlace):
         """As the stepper has it."""
         return None
 
-    def moved(self, step: Float[np.ndarray, " q"]) -> "_Place":
+    def moved(self, step: Float[np.ndarray, " q"]) -> "_LeastSquaresPlace":
         """The place a `step` further."""
         return self.problem.at(self.place + step)
 
-    def is_near(self, there: "_Place") -> bool:
+    def is_near(self, there: "_LeastSquaresPlace") -> bool:
         """Whether neither place nor residuals change by more than the tolerance."""
         pairs = ((there.place, self.place), (there.residual, self.residual))
         return all(bool(is_small_change(new, new - old, self.problem.tolerance)) for new, old in pairs)
@@ -282,7 +282,7 @@ class _Place(AbstractPlace):
         return False
 
 
-class _Problem(NamedTuple):
+class _LeastSquaresProblem(NamedTuple):
     """An `objective` from `vector` on, in these units, and the `tolerance` of the last step."""
 
     objective: AbstractObjective
@@ -290,13 +290,13 @@ class _Problem(NamedTuple):
     unit: Float[np.ndarray, " q"]
     tolerance: float
 
-    def at(self, place: Float[np.ndarray, " q"]) -> _Place:
+    def at(self, place: Float[np.ndarray, " q"]) -> _LeastSquaresPlace:
         """What is evaluated at a `place`."""
         f, slope = small_residuals(self.objective.near(self.vector + self.unit * place))
-        return _Place(self, place, f, slope * self.unit)
+        return _LeastSquaresPlace(self, place, f, slope * self.unit)
 
 
-def _step_by_step(problem: _Problem, max_steps: int, stepper: Stepper) -> Descent:
+def _step_by_step(problem: _LeastSquaresProblem, max_steps: int, stepper: Stepper) -> Descent:
     """`levenberg_marquardt` outside of transformations: nothing but the objective is compiled."""
     first = problem.at(np.zeros_like(problem.vector))
     end, ending, tried = stepper.descend(first, max_steps - 1)

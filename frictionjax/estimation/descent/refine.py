@@ -17,8 +17,8 @@ from frictionjax.estimation.descent.round import (
     NEAR_TOLERANCE,
     ROUNDS,
     SAME_COST,
-    Progress,
-    State,
+    FitState,
+    RoundProgress,
     judged,
     one_round,
     with_likeliest_noise,
@@ -47,8 +47,8 @@ class Refined(eqx.Module):
     **Attributes:** `state`: the likeliest one of all rounds; `progress`.
     """
 
-    state: State
-    progress: Progress
+    state: FitState
+    progress: RoundProgress
 
     @property
     def posterior(self) -> Posterior:
@@ -97,21 +97,21 @@ class AbstractRounds(eqx.Module):
     substeps: eqx.AbstractVar[int]
 
     @abstractmethod
-    def round(self, state: State, ratios: Float[np.ndarray, "*d r k"] | None) -> State:
+    def round(self, state: FitState, ratios: Float[np.ndarray, "*d r k"] | None) -> FitState:
         """`one_round` from `state` with these candidate `ratios`; with all that a state may have."""
 
     @abstractmethod
-    def started(self, state: State) -> Progress:
+    def started(self, state: FitState) -> RoundProgress:
         """The progress at `state`, before any round."""
 
     @abstractmethod
     def judged(
-        self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Numbers, "*d"], Bool[Numbers, "*d"]]:
+        self, progress: RoundProgress, before: FitState, after: FitState
+    ) -> tuple[RoundProgress, Bool[Numbers, "*d"], Bool[Numbers, "*d"]]:
         """The stopping rule `judged`."""
 
     @abstractmethod
-    def coulomb(self, state: State) -> Float[np.ndarray, "*d"]:
+    def coulomb(self, state: FitState) -> Float[np.ndarray, "*d"]:
         """Coulomb friction at `state`."""
 
     @abstractmethod
@@ -128,21 +128,21 @@ class OneFit(AbstractRounds):
     known: Bool[np.ndarray, " r"]
     substeps: int = eqx.field(static=True)
 
-    def round(self, state: State, ratios: Float[np.ndarray, "r k"] | None) -> State:
+    def round(self, state: FitState, ratios: Float[np.ndarray, "r k"] | None) -> FitState:
         """`one_round` from `state` with these candidate `ratios`."""
         return one_round(state, ratios, self.known, self.substeps, filtered_in_pieces)
 
-    def started(self, state: State) -> Progress:
+    def started(self, state: FitState) -> RoundProgress:
         """The progress at `state`, before any round."""
         return _started()
 
     def judged(
-        self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Numbers, ""], Bool[Numbers, ""]]:
+        self, progress: RoundProgress, before: FitState, after: FitState
+    ) -> tuple[RoundProgress, Bool[Numbers, ""], Bool[Numbers, ""]]:
         """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
         return judged(progress, before, after)
 
-    def coulomb(self, state: State) -> Float[np.ndarray, ""]:
+    def coulomb(self, state: FitState) -> Float[np.ndarray, ""]:
         """Coulomb friction at `state`."""
         return np.asarray(state.posterior.drive_of(state.vector).friction.Fc)
 
@@ -160,23 +160,23 @@ class ManyFits(AbstractRounds):
     known: Bool[np.ndarray, " r"]
     substeps: int = eqx.field(static=True)
 
-    def round(self, state: State, ratios: Float[np.ndarray, "d r k"] | None) -> State:
+    def round(self, state: FitState, ratios: Float[np.ndarray, "d r k"] | None) -> FitState:
         """`one_round` from `state` with these candidate `ratios`."""
         if state.unit is None:
             state = _entered(state, ratios, self.known, self.substeps)
         return _rounds(state, ratios, self.known, self.substeps)
 
-    def started(self, state: State) -> Progress:
+    def started(self, state: FitState) -> RoundProgress:
         """The progress at `state`, before any round."""
         return jax.tree.map(lambda leaf: np.full(state.vector.shape[0], leaf), _started())
 
     def judged(
-        self, progress: Progress, before: State, after: State
-    ) -> tuple[Progress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
+        self, progress: RoundProgress, before: FitState, after: FitState
+    ) -> tuple[RoundProgress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
         """The stopping rule `judged`: the `progress` after the round from `before` to `after`."""
         return _judged_each(progress, before, after)
 
-    def coulomb(self, state: State) -> Float[np.ndarray, " d"]:
+    def coulomb(self, state: FitState) -> Float[np.ndarray, " d"]:
         """Coulomb friction at `state`."""
         return np.asarray(_coulomb_each(state))
 
@@ -185,22 +185,22 @@ class ManyFits(AbstractRounds):
         return _where_each(chosen, this, other)
 
 
-def _started() -> Progress:
+def _started() -> RoundProgress:
     none, no, inf = np.asarray(0), np.asarray(False), np.asarray(np.inf)
-    return Progress(none, inf, inf, none, no, inf, no, no)
+    return RoundProgress(none, inf, inf, none, no, inf, no, no)
 
 
 @eqx.filter_jit
 def _judged_each(
-    progress: Progress, before: State, after: State
-) -> tuple[Progress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
+    progress: RoundProgress, before: FitState, after: FitState
+) -> tuple[RoundProgress, Bool[Numbers, " d"], Bool[Numbers, " d"]]:
     return jax.vmap(judged)(progress, before, after)
 
 
 @eqx.filter_jit
 def _entered(
-    state: State, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
-) -> State:
+    state: FitState, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
+) -> FitState:
     """The states with noise and unit, as every later round leaves them: one program for all of these."""
     return jax.vmap(lambda own, some: with_unit(with_likeliest_noise(own, some, known, substeps)))(
         state, ratios
@@ -209,13 +209,13 @@ def _entered(
 
 @eqx.filter_jit
 def _rounds(
-    state: State, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
-) -> State:
+    state: FitState, ratios: Float[np.ndarray, "d r k"] | None, known: Bool[np.ndarray, " r"], substeps: int
+) -> FitState:
     return jax.vmap(lambda own, some: one_round(own, some, known, substeps))(state, ratios)
 
 
 @eqx.filter_jit
-def _coulomb_each(state: State) -> Float[Numbers, " d"]:
+def _coulomb_each(state: FitState) -> Float[Numbers, " d"]:
     return jax.vmap(lambda own: own.posterior.drive_of(own.vector).friction.Fc)(state)
 
 
@@ -227,7 +227,7 @@ def _where_each(chosen: Bool[Numbers, " d"], this: PyTree, other: PyTree) -> PyT
     return jax.vmap(one)(chosen, this, other)
 
 
-def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refined:
+def refine(rounds: AbstractRounds, state: FitState, *, near: bool = False) -> Refined:
     """Go down to the minimum.
 
     **Arguments:**
@@ -256,14 +256,14 @@ def refine(rounds: AbstractRounds, state: State, *, near: bool = False) -> Refin
     return found
 
 
-def at_start(posterior: Posterior, vector: Float[Numbers, "*d q"]) -> State:
-    """A `State` before any round."""
+def at_start(posterior: Posterior, vector: Float[Numbers, "*d q"]) -> FitState:
+    """A `FitState` before any round."""
     each = vector.shape[:-1]
     cost, ending = np.full(each, np.inf), np.full(each, Ending.STEPS.number)
-    return State(posterior, vector, None, None, cost, ending)
+    return FitState(posterior, vector, None, None, cost, ending)
 
 
-def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarray, " k"]) -> Refined:
+def _to_the_minimum(rounds: AbstractRounds, state: FitState, parts: Float[np.ndarray, " k"]) -> Refined:
     """Noise and parameters in turn, until neither changes; `parts` of Coulomb friction are the first candidates."""
     best, progress = state, rounds.started(state)
     for number in range(ROUNDS):
@@ -282,12 +282,12 @@ def _to_the_minimum(rounds: AbstractRounds, state: State, parts: Float[np.ndarra
     return Refined(best, progress)
 
 
-def _shorter(state: State) -> State:
+def _shorter(state: FitState) -> FitState:
     """The same with shorter units."""
     return eqx.tree_at(lambda s: s.unit, state, jax.tree.map(lambda unit: unit / _SHORTER, state.unit))
 
 
-def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:
+def _around(state: FitState) -> Float[np.ndarray, "*d r k"] | None:
     """Candidates about the likeliest ratios, where a parabola through those tried has its top, and the present ones."""
     if state.noise is None:
         return None
@@ -302,7 +302,7 @@ def _around(state: State) -> Float[np.ndarray, "*d r k"] | None:
 
 
 def _of_friction(
-    rounds: AbstractRounds, state: State, parts: Float[np.ndarray, " k"]
+    rounds: AbstractRounds, state: FitState, parts: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, "*d r k"] | None:
     """Candidate ratios for an unmeasured force of so many `parts` of Coulomb friction."""
     for one in state.posterior.evidence:
@@ -312,7 +312,7 @@ def _of_friction(
     return None
 
 
-def _inconsistent(state: State, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarray, "*d"]:
+def _inconsistent(state: FitState, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarray, "*d"]:
     """Whether one recording needs an unmeasured force far above that of another, and above what is usual at Coulomb
     friction `level`: its part of the model may be wrong."""
     if state.noise is None:
@@ -321,7 +321,7 @@ def _inconsistent(state: State, level: Float[np.ndarray, "*d"]) -> Bool[np.ndarr
     return np.asarray(np.max(push, axis=-1) > _MUCH_MORE * np.maximum(np.min(push, axis=-1), _USUAL * level))
 
 
-def _far_down(state: State) -> State:
+def _far_down(state: FitState) -> FitState:
     """Many damped steps, and ranges about where they end: with the large noise of the first descent a parameter that is
     poorly determined may be at an end of its range."""
     posterior = state.posterior
@@ -329,4 +329,4 @@ def _far_down(state: State) -> State:
     end = levenberg_marquardt(posterior, state.vector, unit, _MANY_STEPS, tolerance=NEAR_TOLERANCE)
     vector = posterior.within(end.vector)
     own = eqx.tree_at(lambda p: p.start, posterior, vector)
-    return State(own, vector, state.noise, None, state.cost, state.ending)
+    return FitState(own, vector, state.noise, None, state.cost, state.ending)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.refine import ManyFits, at_start, refine
-from frictionjax.estimation.descent.round import State
+from frictionjax.estimation.descent.round import FitState
 from frictionjax.estimation.descent.settle import robust_costs, settle
 from frictionjax.estimation.evidence import Noise
 from frictionjax.estimation.objective.posterior import Posterior
@@ -134,10 +134,10 @@ class _Near(NamedTuple):
 
 
 @eqx.filter_jit
-def _near(states: State) -> _Near:
+def _near(states: FitState) -> _Near:
     """What is near each of `states`."""
 
-    def one(state: State) -> _Near:
+    def one(state: FitState) -> _Near:
         there, vector, count = state.posterior, state.vector, state.posterior.parameters
         evaluations = there.evaluate(vector)
         near = there.assembled(evaluations, vector)

@@ -22,7 +22,7 @@ _LEVEL = 0.95  # quantile of the block powers that is the scale of the loss: blo
 _STEPPER = Stepper()
 
 
-class Fitted(NamedTuple):
+class RobustFit(NamedTuple):
     """Where a descent ended: `vector`, shape `(q,)`, the cost `near` it with the loss at the noise, its `misfit` per
     sample, and the `ending`."""
 
@@ -42,7 +42,7 @@ class Fitted(NamedTuple):
         return np.asarray(self.near.powers[0])
 
 
-class _Place(AbstractPlace):
+class _RobustPlace(AbstractPlace):
     """A `vector` on the way down a `posterior`, what was evaluated there, and the cost `near` it; a gain of less than
     the part `tolerance` of the misfit is a small one."""
 
@@ -76,14 +76,14 @@ class _Place(AbstractPlace):
         found[strengths] = np.maximum(_STEPPER.longest, np.abs(self.vector[strengths]))
         return found
 
-    def moved(self, step: Float[np.ndarray, " q"]) -> "_Place":
+    def moved(self, step: Float[np.ndarray, " q"]) -> "_RobustPlace":
         """The place a `step` further: parameters and fitted deflections together, the others each alone."""
         posterior, proposed = self.posterior, self.vector + step
         held_out = np.flatnonzero(np.asarray(posterior.fitted[0]) == 0.0) + posterior.parameters
         proposed[held_out] = np.clip(proposed[held_out], -1.0, 1.0)
         return _place(posterior, proposed, posterior.evaluated(proposed), self.tolerance)
 
-    def is_near(self, there: "_Place") -> bool:
+    def is_near(self, there: "_RobustPlace") -> bool:
         """Whether the way `there` takes a negligible part off the misfit."""
         return self._per_sample(self.cost - there.cost) < self._negligible()
 
@@ -109,8 +109,8 @@ def _place(
     vector: Float[Numbers, " q"],
     evaluations: tuple[Evaluation, ...],
     tolerance: float,
-) -> _Place:
-    return _Place(
+) -> _RobustPlace:
+    return _RobustPlace(
         posterior, tolerance, np.asarray(vector), evaluations, posterior.assembled(evaluations, vector)
     )
 
@@ -122,7 +122,7 @@ def descend(
     graduate: bool = True,
     steps: int = 30,
     tolerance: float = 2e-3,
-) -> Fitted:
+) -> RobustFit:
     """Bring the robust misfit of `posterior` down from `vector`.
 
     **Arguments:**
@@ -142,7 +142,7 @@ def descend(
     first = _place(graduated(posterior, 1.0), there, evaluations, tolerance)
     end, ending, _ = _STEPPER.descend(first, steps)
     misfit = misfit_of(np.asarray(end.near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
-    return Fitted(end.vector, end.near, misfit, ending)
+    return RobustFit(end.vector, end.near, misfit, ending)
 
 
 def level_out(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:

@@ -38,7 +38,7 @@ NEAR_TOLERANCE = 0.05
 _MOST_WORSE = 3  # rounds that cost more than the one before, until the descent is given up
 
 
-class State(eqx.Module):
+class FitState(eqx.Module):
     """Where a fit is between two rounds, or many side by side (arrays then have a leading axis).
 
     **Attributes:** `posterior` (with the noise levels of the last round), `vector`, shape `(q,)`; `noise` of the
@@ -55,7 +55,7 @@ class State(eqx.Module):
     ending: Int[Numbers, "*d"]
 
 
-class Progress(eqx.Module):
+class RoundProgress(eqx.Module):
     """What the stopping rule knows of the rounds so far.
 
     **Attributes:** number of `rounds`, cost of the `last` one and the `least` one, how many were `worse` than the one
@@ -75,12 +75,12 @@ class Progress(eqx.Module):
 
 
 def with_likeliest_noise(
-    state: State,
+    state: FitState,
     ratios: Float[Numbers, "r k"] | None,
     known: Bool[Numbers, " r"],
     substeps: int,
     search: Callable = filtered,
-) -> State:
+) -> FitState:
     """The same vector, with the likeliest noise of every recording.
 
     **Arguments:**
@@ -102,24 +102,24 @@ def with_likeliest_noise(
             batch = scored_from_the_start(one.batch) if isinstance(one, Observed) else one.batch
             evidence[index], noise = search(drive, z0, batch, ratios, known, substeps)
     own = eqx.tree_at(lambda p: p.evidence, posterior, tuple(evidence))
-    return State(own, vector, noise, state.unit, state.cost, state.ending)
+    return FitState(own, vector, noise, state.unit, state.cost, state.ending)
 
 
-def with_unit(state: State) -> State:
+def with_unit(state: FitState) -> FitState:
     """The same with the `unit` of the solver, where there is none yet."""
     if state.unit is not None:
         return state
     unit = NEAR_UNITS * equal_curvature(state.posterior, state.vector)
-    return State(state.posterior, state.vector, state.noise, unit, state.cost, state.ending)
+    return FitState(state.posterior, state.vector, state.noise, unit, state.cost, state.ending)
 
 
 def one_round(
-    state: State,
+    state: FitState,
     ratios: Float[Numbers, "r k"] | None,
     known: Bool[Numbers, " r"],
     substeps: int,
     search: Callable = filtered,
-) -> State:
+) -> FitState:
     """The noise of each recording by its likelihood, then a few Levenberg-Marquardt steps; arguments as in
     `with_likeliest_noise`. Works inside transformations."""
     there = with_unit(with_likeliest_noise(state, ratios, known, substeps, search))
@@ -129,12 +129,12 @@ def one_round(
     vector = posterior.within(end.vector)
     cost = end.cost + posterior.log_deviation
     own = posterior.reaching(vector)
-    return State(own, vector, there.noise, NEAR_UNITS * end.unit, cost, end.ending)
+    return FitState(own, vector, there.noise, NEAR_UNITS * end.unit, cost, end.ending)
 
 
 def judged(
-    progress: Progress, before: State, after: State
-) -> tuple[Progress, Bool[Numbers, ""], Bool[Numbers, ""]]:
+    progress: RoundProgress, before: FitState, after: FitState
+) -> tuple[RoundProgress, Bool[Numbers, ""], Bool[Numbers, ""]]:
     """The stopping rule: the progress after the round from `before` to `after`, whether its steps have all failed, and
     whether it is the likeliest so far. Works inside transformations."""
     xp, (progress, after, old, noise) = known_numbers(progress, after, before.vector, before.noise)
@@ -151,7 +151,7 @@ def judged(
     # Other weights may cost a round what the next ones win back.
     worse = progress.worse + xp.where(~failed & (cost > last), 1, 0)
     rounds = progress.rounds + 1
-    now = Progress(
+    now = RoundProgress(
         rounds=rounds,
         last=xp.where(failed & ~(cost < last), last, cost),
         least=xp.where(better, cost, progress.least),

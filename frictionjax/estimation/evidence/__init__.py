@@ -13,5 +13,5 @@ from frictionjax.estimation.evidence.positions import Positions as Positions
 from frictionjax.estimation.evidence.positions import filtered as filtered
 from frictionjax.estimation.evidence.positions import filtered_in_pieces as filtered_in_pieces
 from frictionjax.estimation.evidence.positions import scored_from_the_start as scored_from_the_start
-from frictionjax.estimation.evidence.response import Response as Response
+from frictionjax.estimation.evidence.response import FrequencyResponse as FrequencyResponse
 from frictionjax.estimation.evidence.response import make_response as make_response

@@ -14,7 +14,7 @@ from frictionjax.frequency.second_order import Lines, sampled_response
 from frictionjax.physics import Drive
 
 
-class Response(AbstractMeasurement):
+class FrequencyResponse(AbstractMeasurement):
     """The bins of an FRF inside a band, against the drive linearised at rest.
 
     The response is that of noise: it holds for levels so small that the bristles stay linear.
@@ -41,7 +41,7 @@ class Response(AbstractMeasurement):
         """None: there are no recordings."""
         return ()
 
-    def piece(self, piece: Piece) -> "Response":
+    def piece(self, piece: Piece) -> "FrequencyResponse":
         """The same, whatever the `piece`: it is one whole."""
         return self
 
@@ -67,7 +67,7 @@ class Response(AbstractMeasurement):
         error = error / self.deviation.astype(complex)
         return jnp.concatenate([jnp.real(error), jnp.imag(error)])[:, None]
 
-    def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "Response":
+    def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "FrequencyResponse":
         """The response of `drive` with noise drawn with `key`; `z0` is empty."""
         error = self.errors(drive, z0)[:, 0]
         model = self.lines.response + self.deviation * jax.lax.complex(*jnp.split(error, 2))
@@ -76,14 +76,15 @@ class Response(AbstractMeasurement):
         return eqx.tree_at(lambda e: e.lines.response, self, drawn)
 
 
-def make_response(frf: FRF, band: tuple[float, float], *, hold: bool) -> Response:
-    """The bins of `frf` from `band[0]` to `band[1]` Hz in which the input has power; `hold` as in `Response`."""
+def make_response(frf: FRF, band: tuple[float, float], *, hold: bool) -> FrequencyResponse:
+    """The bins of `frf` from `band[0]` to `band[1]` Hz in which the input has power; `hold` as in
+    `FrequencyResponse`."""
     frequency, std = np.asarray(frf.frequency), np.asarray(frf.std)
     inside = (frequency >= band[0]) & (frequency <= band[1]) & np.isfinite(std) & (std > 0.0)
     omega = 2.0 * np.pi * frequency[inside]
     # Neighbouring bins of a window are correlated: together they count as fewer.
     deviation = std[inside] * np.sqrt(float(frf.bin_correlation))
-    return Response(
+    return FrequencyResponse(
         Lines(
             omega=jnp.asarray(omega),
             response=jnp.asarray(np.asarray(frf.response)[inside]),

@@ -26,7 +26,7 @@ from frictionjax.estimation.objective.model import ParametricModel, side_by_side
 from frictionjax.estimation.objective.quadratic import (
     AbstractObjective,
     Evaluation,
-    Place,
+    EvidenceCoordinates,
     Quadratic,
     cluster_curvatures,
     quadratic_of,
@@ -92,12 +92,12 @@ class Posterior(AbstractObjective):
         return len(self.layout)
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[EvidenceCoordinates, ...]:
         """Where the coordinates of each evidence stand in the free vector."""
         found, first = [], self.parameters
         size = first + sum(one.rows for one in self.evidence)
         for one in self.evidence:
-            found.append(Place(self.parameters, first, one.rows, size))
+            found.append(EvidenceCoordinates(self.parameters, first, one.rows, size))
             first += one.rows
         return tuple(found)
 
@@ -377,7 +377,7 @@ def _beliefs(posterior: Posterior, vector: Float[Numbers, " q"]) -> Quadratic:
     return posterior._beliefs(vector)
 
 
-def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic:
+def _total(parts: _Parts, places: tuple[EvidenceCoordinates, ...], prior: _Prior) -> Quadratic:
     """The cost of all evidence and of the weak prior."""
     xp, (parts, prior) = known(parts, prior)
     (evaluations, counts, weights, loss, fitted), (vector, start, stiff) = parts, prior
@@ -391,6 +391,6 @@ def _total(parts: _Parts, places: tuple[Place, ...], prior: _Prior) -> Quadratic
 
 
 def _rows(
-    fitted: tuple[Float[Numbers, "..."], ...], places: tuple[Place, ...]
+    fitted: tuple[Float[Numbers, "..."], ...], places: tuple[EvidenceCoordinates, ...]
 ) -> list[Float[Numbers, "..."]]:
     return [own[: place.rows] for own, place in zip(fitted, places, strict=True)]

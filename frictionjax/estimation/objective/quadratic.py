@@ -88,7 +88,7 @@ class Evaluation(eqx.Module):
         return xp.where(_each(sound, self.block)[None], columns, 0.0)
 
 
-class Place(NamedTuple):
+class EvidenceCoordinates(NamedTuple):
     """Where the coordinates of one evidence stand in the free vector: the number of `parameters`, the `first` of its
     starting deflections, how many `rows` there are, and the `size` of the vector."""
 
@@ -115,7 +115,7 @@ def quadratic_of(
     count: Float[Numbers, " b"],
     loss: AbstractLoss,
     weight: Float[Numbers, " b"],
-    place: Place,
+    place: EvidenceCoordinates,
     fitted: Float[Numbers, " r"],
 ) -> Quadratic:
     """Cost 1/2 sum of `count` rho(mean square) over blocks of standardised errors, with exact gradient.
@@ -164,7 +164,10 @@ def _each(blocks: Shaped[Numbers, "r b"], block: int) -> Shaped[Numbers, "r n"]:
 
 
 def _weighed(
-    evaluation: Evaluation, root: Float[Numbers, "r n"], place: Place, fitted: Float[Numbers, " r"]
+    evaluation: Evaluation,
+    root: Float[Numbers, "r n"],
+    place: EvidenceCoordinates,
+    fitted: Float[Numbers, " r"],
 ) -> tuple[Float[Numbers, "p r n"], Float[Numbers, "r n"]]:
     """Weighted columns of the parameters, 0 in held-out rows, and that of the starting deflections."""
     columns = evaluation.sound_columns()
@@ -175,7 +178,7 @@ def cluster_curvatures(
     evaluation: Evaluation,
     loss: AbstractLoss,
     weight: Float[Numbers, " b"],
-    place: Place,
+    place: EvidenceCoordinates,
     fitted: Float[Numbers, " r"],
 ) -> Float[Numbers, "r c k k"]:
     """Parts of the Gauss-Newton matrix by cluster, in the parameters and the own starting deflection of a row; other
@@ -190,7 +193,7 @@ def cluster_curvatures(
     return columns @ xp.swapaxes(columns, -1, -2)
 
 
-def spread_out(own: Float[np.ndarray, "r c k k"], place: Place) -> Float[np.ndarray, "_ q q"]:
+def spread_out(own: Float[np.ndarray, "r c k k"], place: EvidenceCoordinates) -> Float[np.ndarray, "_ q q"]:
     """Matrices of clusters, in the parameters and the `own` starting deflection, as parts of the whole matrix."""
     many, (recordings, each) = place.parameters, own.shape[:2]
     whole = np.zeros((recordings, each, place.size, place.size))

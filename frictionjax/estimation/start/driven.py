@@ -22,7 +22,7 @@ from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import Recording
 
 
-class Start(eqx.Module):
+class StartingValues(eqx.Module):
     """Where a fit may start.
 
     **Attributes:** `drives` (alternatives, most credible first), `notes` (sentences: what the recordings do not
@@ -38,7 +38,7 @@ class Start(eqx.Module):
 
 def starting_values(
     recordings: tuple[Recording, ...], *, motor_constant: float = 1.0, inertia: float | None = None
-) -> Start:
+) -> StartingValues:
     """Starting values for the base fit.
 
     **Arguments:**
@@ -49,7 +49,7 @@ def starting_values(
 
     **Returns:**
 
-    A `Start`.
+    A `StartingValues`.
     """
     trials = []
     for seconds in WINDOWS:
@@ -78,7 +78,7 @@ def starting_values(
         notes.append(
             "No recording slides: friction is bounded from below only, and its velocity dependence is unknown."
         )
-        return Start(held, tuple(notes), True, stick_inertia)
+        return StartingValues(held, tuple(notes), True, stick_inertia)
     # Vibration in stick may pass for sliding, with another inertia and next to no friction; and noise that drives the
     # machine harder than Coulomb friction holds it slides, and its "stiffness" is a fiction. Where the two do not
     # agree, both are offered.
@@ -115,7 +115,7 @@ def starting_values(
             stiffness = Fs / max(part * stroke, within)
             damping = np.sqrt(stiffness * J)
             drives.append(Drive(J, LuGre(stiffness, damping, sigma2, Fc, Fs, spread * vs), motor_constant))
-    return Start((*drives, *doubted), tuple(notes), stick is not None, stick_inertia)
+    return StartingValues((*drives, *doubted), tuple(notes), stick is not None, stick_inertia)
 
 
 CLEARER = 0.7

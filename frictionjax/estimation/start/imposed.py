@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from frictionjax.estimation.start.driven import Start
+from frictionjax.estimation.start.driven import StartingValues
 from frictionjax.frequency import FRF, fit_sk
 from frictionjax.physics import Drive, LuGre
 from frictionjax.recordings import Recording
@@ -66,7 +66,7 @@ def starting_values_imposed(
     inertia: float | None = None,
     responses: tuple[FRF, ...] = (),
     motor_constant: float = 1.0,
-) -> Start:
+) -> StartingValues:
     """Starting values for the base fit of imposed motions.
 
     **Arguments:**
@@ -78,7 +78,7 @@ def starting_values_imposed(
 
     **Returns:**
 
-    A `Start`; `presliding_seen`: whether any leg is resolved before it slides.
+    A `StartingValues`; `presliding_seen`: whether any leg is resolved before it slides.
     """
     legs = [leg for recording in recordings for leg in _legs(recording)]
     notes = []
@@ -117,7 +117,7 @@ def starting_values_imposed(
             sigma1 = max(0.05 * one.Fc / top, 0.1 * sigma2)
             law = LuGre(float(stiffness), sigma1, sigma2, one.Fc, Fs, one.vs)
             drives.append(Drive(1.0 if J is None else J, law))
-    return Start(tuple(drives), tuple(notes), bool(found))
+    return StartingValues(tuple(drives), tuple(notes), bool(found))
 
 
 def _smoothed(values: Float[np.ndarray, " n"], width: int) -> Float[np.ndarray, " n"]:

@@ -19,7 +19,7 @@ from frictionjax.diagnosis.evidence.views import View, held_out_error, view
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import paired_lead
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.descent.robust import Ending, Fitted
+from frictionjax.estimation.descent.robust import Ending, RobustFit
 from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import pack
@@ -188,7 +188,7 @@ def small():
 def _judge(posterior, drive):
     """`drive` before the recordings of `posterior`, nothing fitted."""
     vector = jnp.concatenate([pack(posterior.layout, drive), jnp.zeros(posterior.fitted[0].size)])
-    return judge(posterior, Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST))
+    return judge(posterior, RobustFit(vector, posterior.near(vector), 0.0, Ending.AT_REST))
 
 
 @pytest.fixture(scope="module")

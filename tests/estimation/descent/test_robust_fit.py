@@ -29,7 +29,7 @@ from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start
-from frictionjax.estimation.descent.robust import _STEPPER, Ending, Fitted, _Place, descend
+from frictionjax.estimation.descent.robust import _STEPPER, Ending, RobustFit, _RobustPlace, descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.parameters import changed, effect_layout, pack
 from frictionjax.estimation.result import make_result
@@ -212,7 +212,7 @@ def quiet():
 
 
 def _ended(posterior, vector, ending=Ending.AT_REST):
-    fitted = Fitted(vector, posterior.near(vector), float(posterior.misfits([vector])[0]), ending)
+    fitted = RobustFit(vector, posterior.near(vector), float(posterior.misfits([vector])[0]), ending)
     return Model(posterior, fitted, judge(posterior, fitted))
 
 
@@ -240,7 +240,7 @@ def test_a_strength_may_double_in_a_step_and_a_logarithm_not_leave_its_minimum(q
         near = more.near(longer)
         slope = jnp.zeros_like(near.gradient).at[jnp.asarray([0, place])].set(-1e6)
         far = eqx.tree_at(lambda n: (n.gradient, n.hessian), near, (slope, jnp.eye(slope.size)))
-        there = _Place(more, 2e-3, changed(longer, place, now), (), far).longest
+        there = _RobustPlace(more, 2e-3, changed(longer, place, now), (), far).longest
         step = _STEPPER.step(far.hessian, far.gradient, 0.0, there)
         assert step[place] == longest
         assert step[0] == 1.5
@@ -339,7 +339,7 @@ def test_finer_steps_that_lead_away_change_nothing(fitted):
     np.testing.assert_array_equal(kept, away)
     assert led_away
     far = reported_parameters(
-        Model(posterior, Fitted(away, posterior.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
+        Model(posterior, RobustFit(away, posterior.near(away), 0.0, Ending.AT_REST), fitted.judgement), UNITS
     )
     assert far[1].startswith("Parameters change by more than their standard errors when the integration step")
     assert reported_parameters(fitted, UNITS)[1] == ""
@@ -354,7 +354,7 @@ def test_errors_of_a_gap_are_said_to_be_too_small(fitted):
     scales = plant_scales(PLANT, fitted.posterior.batch)
     for name, said in (("Backlash", "Backlash makes the motion chaotic"), ("Creep", "")):
         posterior, vector = extend(fitted.posterior, fitted.fitted.vector, effect(name), scales)
-        with_effect = Fitted(vector, posterior.near(vector), 0.0, Ending.AT_REST)
+        with_effect = RobustFit(vector, posterior.near(vector), 0.0, Ending.AT_REST)
         model = Model(posterior, with_effect, judge(posterior, with_effect))
         stated = reported_parameters(model, UNITS)[1]
         assert stated.startswith(said)

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Array, Bool, Float
 
 from frictionjax.estimation.descent.refine import AbstractRounds, ManyFits, _to_the_minimum
-from frictionjax.estimation.descent.round import NEAR_UNITS, ROUNDS, Progress, State, judged
+from frictionjax.estimation.descent.round import NEAR_UNITS, ROUNDS, FitState, RoundProgress, judged
 from frictionjax.estimation.evidence import Noise
 
 pytestmark = pytest.mark.untyped
@@ -26,12 +26,12 @@ class Nothing(eqx.Module):
 def _state(place, cost, ratio=1.0):
     noise = Noise(jnp.ones(1), jnp.ones(1), jnp.asarray([ratio]))
     unit, ending = jnp.asarray([UNIT]), jnp.asarray(0)
-    return State(Nothing(), jnp.asarray([place]), noise, unit, jnp.asarray(cost), ending)
+    return FitState(Nothing(), jnp.asarray([place]), noise, unit, jnp.asarray(cost), ending)
 
 
 def _before_any(count=()):
     none, no, inf = jnp.zeros(count, int), jnp.zeros(count, bool), jnp.full(count, jnp.inf)
-    return Progress(none, inf, inf, none, no, inf, no, no)
+    return RoundProgress(none, inf, inf, none, no, inf, no, no)
 
 
 def _after(rounds):
@@ -110,7 +110,7 @@ class Scripted(AbstractRounds):
         number = len(self.calls)
         self.calls.append(np.asarray(state.vector)[:, 0])
         places, costs = jnp.asarray(self.places[number])[:, None], jnp.asarray(self.costs[number])
-        return State(state.posterior, places, state.noise, state.unit, costs, state.ending)
+        return FitState(state.posterior, places, state.noise, state.unit, costs, state.ending)
 
     def started(self, state):
         return _before_any(state.vector.shape[:1])

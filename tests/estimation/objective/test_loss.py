@@ -13,7 +13,12 @@ from hypothesis import strategies as st
 from frictionjax.estimation import Cauchy, Gaussian, Huber
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.levenberg_marquardt import small_residuals
-from frictionjax.estimation.objective.quadratic import Evaluation, Place, Quadratic, quadratic_of
+from frictionjax.estimation.objective.quadratic import (
+    Evaluation,
+    EvidenceCoordinates,
+    Quadratic,
+    quadratic_of,
+)
 from frictionjax.estimation.objective.robust import robust_posterior
 
 LOSSES = (Gaussian(), Cauchy(), Cauchy(0.1), Cauchy(30.0), Huber(), Huber(0.5))
@@ -114,7 +119,7 @@ def _near(q, columns, offset, count, share, loss):
     power = jnp.sum(e * e, axis=1) / jnp.maximum(count, 1.0)
     sound = jnp.ones((1, 4), dtype=bool)
     there = Evaluation(e.reshape(1, -1), power[None], columns.reshape(3, 1, -1), sound)
-    return quadratic_of(there, count, loss, share, Place(3, 3, 0, 3), jnp.ones(1))
+    return quadratic_of(there, count, loss, share, EvidenceCoordinates(3, 3, 0, 3), jnp.ones(1))
 
 
 _slope = eqx.filter_jit(eqx.filter_grad(lambda q, *case: _near(q, *case).cost))
