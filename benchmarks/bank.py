@@ -26,7 +26,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.select import Selection
 from frictionjax.diagnosis.selection.step import Step
-from frictionjax.diagnosis.table import OtherDecision, Table, table_json
+from frictionjax.diagnosis.table import ComparisonTable, OtherDecision, table_json
 from frictionjax.recordings import Plant, Recording
 
 pipeline = importlib.import_module("frictionjax.diagnosis.diagnose")
@@ -116,7 +116,7 @@ def round_in_numbers(step: Step) -> dict:
     }
 
 
-def stored(tables: Sequence[Table], decided: Sequence[OtherDecision] = ()) -> dict:
+def stored(tables: Sequence[ComparisonTable], decided: Sequence[OtherDecision] = ()) -> dict:
     """The `tables` of a selection as a line keeps them, with what else was `decided` and the rule that made them: for
     `benchmarks.replay`."""
     made_by = {"rule": dataclasses.asdict(Rule()), "rounds": Effort().rounds}

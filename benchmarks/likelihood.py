@@ -33,7 +33,14 @@ from benchmarks.concealed.solve import SOLVED, VERDICT
 from benchmarks.replay import lines_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import gain_of, likelier, ranked
-from frictionjax.diagnosis.table import Comparison, Gains, Table, table_of, whole_misfits, within
+from frictionjax.diagnosis.table import (
+    ComparisonTable,
+    Improvement,
+    ModelComparison,
+    table_of,
+    whole_misfits,
+    within,
+)
 
 OUTCOMES = ("right", "class", "other", "none")
 
@@ -51,7 +58,7 @@ class Case(NamedTuple):
     stratum: str
     missing: tuple[str, ...]
     verdict: str
-    table: Table
+    table: ComparisonTable
 
 
 class Choice(NamedTuple):
@@ -69,13 +76,13 @@ class Choice(NamedTuple):
         return "class" if set(self.rivals) & set(missing) else "other"
 
 
-def by_shares(table: Table, rule: Rule) -> Choice:
+def by_shares(table: ComparisonTable, rule: Rule) -> Choice:
     """What shares of the misfit accept first; the `rule` says what it says in both."""
 
-    def gains(row: Comparison) -> Gains:
+    def gains(row: ModelComparison) -> Improvement:
         return row.gains(rule)
 
-    def clear(row: Comparison) -> bool:
+    def clear(row: ModelComparison) -> bool:
         own = gains(row)
         leads = own.lead_holdout > LEAD_HOLDOUT and own.lead_fit + own.lead_holdout > LEAD_BOTH
         adequate = rule.limits.adequate
@@ -85,7 +92,7 @@ def by_shares(table: Table, rule: Rule) -> Choice:
         removes = not before[1] and (left < adequate or own.share > DECISIVE_SHARE)
         return row.p_value <= SIGNIFICANCE or leads or removes
 
-    def acceptable(row: Comparison) -> bool:
+    def acceptable(row: ModelComparison) -> bool:
         own = gains(row)
         if not own.repeats or own.lead_fit < 0.0 or not clear(row):
             return False
@@ -103,7 +110,7 @@ def by_shares(table: Table, rule: Rule) -> Choice:
     return _choice(table, min(alike, key=lambda row: (table.rows[row].free, -total[row])), may, rule)
 
 
-def _choice(table: Table, best: int, able: list[int], rule: Rule) -> Choice:
+def _choice(table: ComparisonTable, best: int, able: list[int], rule: Rule) -> Choice:
     """The row `best` of the `table`, and those of the `able` that the `rule` does not tell from it."""
     name = table.rows[best].effect
     rivals = {
@@ -114,7 +121,7 @@ def _choice(table: Table, best: int, able: list[int], rule: Rule) -> Choice:
     return Choice(name, tuple(sorted(rivals)))
 
 
-def by_likelihood(table: Table, rule: Rule) -> Choice:
+def by_likelihood(table: ComparisonTable, rule: Rule) -> Choice:
     """What the likelihood accepts first of the `table`, by the `rule`."""
     able = [number for number, row in enumerate(table.rows) if likelier(row, rule)]
     if not able:

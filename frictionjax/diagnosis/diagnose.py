@@ -64,7 +64,7 @@ from frictionjax.diagnosis.selection.conclusion import (
 from frictionjax.diagnosis.selection.model_spread import moved
 from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.select import select
-from frictionjax.diagnosis.table import Comparison
+from frictionjax.diagnosis.table import ModelComparison
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Unexplained
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
 from frictionjax.recordings import Case, Plant
@@ -203,7 +203,7 @@ def _diagnose(
     decision = selection.decision
     if steps[0].together:
         notes.append(_UNDETERMINED)
-    ceiling, afterwards = None, dict[str, Comparison | None]()
+    ceiling, afterwards = None, dict[str, ModelComparison | None]()
     if decision.verdict != "named" or decision.remains:
         progress("what any force would explain", 0.8)
         own = scene_of(last, starting.names)

@@ -48,8 +48,8 @@ def paired_lead(gains: Float[np.ndarray, "..."]) -> Lead:
 
 
 @dataclasses.dataclass(frozen=True)
-class Gains:
-    """What a comparison says by a rule.
+class Improvement:
+    """By how much the second model of a comparison is better than the first, by a rule.
 
     **Attributes:** `share_fit`, `share_holdout` (share of the misfit above the floor that is removed), `energy_fit`,
     `energy_holdout` (share of the power), `lead_fit`, `lead_holdout` (gain in its standard errors), `repeats` (whether
@@ -81,7 +81,7 @@ class Gains:
 
 
 @dataclasses.dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """One model against another, above one floor.
 
     **Attributes:** `before`, `after` (forms of the effects in the two models), `effect` and `form` (names of the one
@@ -113,9 +113,9 @@ class Comparison:
     gains_held_out: tuple[float, ...] = ()
     makes_credible: bool = False
 
-    def gains(self, rule: Rule) -> Gains:
+    def gains(self, rule: Rule) -> Improvement:
         """What the comparison says by the `rule`."""
-        return Gains(
+        return Improvement(
             *shares(self.misfits_before, self.misfits_after, rule),
             *self.energies,
             self.fit.in_errors(rule),
@@ -130,7 +130,7 @@ class Comparison:
         error = math.hypot(*(lead.error for lead in own))
         return Lead(sum(lead.total for lead in own), error, sum(lead.clusters for lead in own))
 
-    def lead_over(self, other: "Comparison") -> Lead:
+    def lead_over(self, other: "ModelComparison") -> Lead:
         """By how much `after` leads that of the `other` comparison, with the same model before and above the same
         floor, over the clusters of all recordings."""
         own, its = (np.array([*one.gains_fit, *one.gains_held_out]) for one in (self, other))
@@ -138,7 +138,7 @@ class Comparison:
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
+class ComparisonTable:
     """All comparisons of one step of the selection.
 
     **Attributes:** `key` (its name among the tables of a diagnosis), `asked` (the step: a move of the search, and the
@@ -156,7 +156,7 @@ class Table:
     misfits: Both
     misfit_errors: Both
     chaotic: bool
-    rows: tuple[Comparison, ...]
+    rows: tuple[ModelComparison, ...]
     between: tuple[tuple[int, int, Lead], ...] = ()
     force: float = 0.0
     excused: bool = False
@@ -188,10 +188,14 @@ class OtherDecision:
     numbers: Mapping[str, float]
 
 
-def table_of_one(key: str, asked: tuple[str, ...], row: Comparison, *, chaotic: bool, imposed: bool) -> Table:
-    """A table of the comparison `row` alone; the other arguments are those of a `Table`."""
+def table_of_one(
+    key: str, asked: tuple[str, ...], row: ModelComparison, *, chaotic: bool, imposed: bool
+) -> ComparisonTable:
+    """A table of the comparison `row` alone; the other arguments are those of a `ComparisonTable`."""
     errors = row.misfit_errors
-    return Table(key, asked, row.before, row.misfits_before, errors, chaotic, (row,), imposed=imposed)
+    return ComparisonTable(
+        key, asked, row.before, row.misfits_before, errors, chaotic, (row,), imposed=imposed
+    )
 
 
 def within(misfits: Both, errors: Both, most: float, rule: Rule) -> tuple[bool, bool]:
@@ -234,7 +238,7 @@ def repeats(waves: Iterable[tuple[float, bool]], rule: Rule) -> bool:
     )
 
 
-def table_json(table: Table) -> dict[str, Any]:
+def table_json(table: ComparisonTable) -> dict[str, Any]:
     """The `table` for JSON, with the gains by cluster rounded."""
     content = dataclasses.asdict(table)
     for row in content["rows"]:
@@ -243,9 +247,9 @@ def table_json(table: Table) -> dict[str, Any]:
     return content
 
 
-def table_of(content: Mapping[str, Any]) -> Table:
+def table_of(content: Mapping[str, Any]) -> ComparisonTable:
     """The table whose `table_json` is the `content`."""
-    return Table(
+    return ComparisonTable(
         **{
             **content,
             "asked": tuple(content["asked"]),
@@ -258,10 +262,10 @@ def table_of(content: Mapping[str, Any]) -> Table:
     )
 
 
-def _comparison_of(content: Mapping[str, Any]) -> Comparison:
+def _comparison_of(content: Mapping[str, Any]) -> ModelComparison:
     pairs = ("misfits_before", "misfits_after", "misfit_errors", "energies")
     lists = ("before", "after", "exact", "gains_fit", "gains_held_out")
-    return Comparison(
+    return ModelComparison(
         **{
             **content,
             **{name: _both(content[name]) for name in pairs},

@@ -17,7 +17,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.explain import explain_effect
 from frictionjax.diagnosis.recording_fit import RecordingFit, Unmeasured
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import OtherDecision, Table
+from frictionjax.diagnosis.table import ComparisonTable, OtherDecision
 from frictionjax.recordings import Plant
 
 Verdict = Literal["adequate", "named", "unknown"]
@@ -206,10 +206,10 @@ class Diagnosis(AbstractDisplayed):
     name to `Estimate`), `recordings`, `candidates`, `warnings`, `seconds` (stage to s; `total` and `compile`),
     `given` (the user's own simulation as it was given, compared; None where there is none),
     `within` (which parts of other axes contain the excess of the strongest bins), `comparisons` (every comparison of
-    two models that was made, one `Table` a step), `decided` (what was decided by a few numbers instead), the `rule` and
-    the `effort` with which it was made, the force that the last model needs beside it, `unmeasured`, and what a free
-    force would explain beside it, `ceiling` (None where no effect was tested); and how the names fare on simulated
-    machines, `check` (None until `check_diagnosis`).
+    two models that was made, one `ComparisonTable` a step), `decided` (what was decided by a few numbers instead), the
+    `rule` and the `effort` with which it was made, the force that the last model needs beside it, `unmeasured`, and
+    what a free force would explain beside it, `ceiling` (None where no effect was tested); and how the names fare on
+    simulated machines, `check` (None until `check_diagnosis`).
     """
 
     case: str = eqx.field(static=True)
@@ -226,7 +226,7 @@ class Diagnosis(AbstractDisplayed):
     warnings: tuple[str, ...] = eqx.field(static=True)
     seconds: dict[str, float] = eqx.field(static=True)
     within: tuple[Within, ...] = ()
-    comparisons: tuple[Table, ...] = eqx.field(static=True, default=())
+    comparisons: tuple[ComparisonTable, ...] = eqx.field(static=True, default=())
     decided: tuple[OtherDecision, ...] = eqx.field(static=True, default=())
     rule: Rule = eqx.field(static=True, default=Rule())
     effort: Effort = eqx.field(static=True, default=Effort())

@@ -18,7 +18,7 @@ from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, 
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.verdict_rule import most_left, verdict_of
-from frictionjax.diagnosis.table import Comparison, Lead
+from frictionjax.diagnosis.table import Lead, ModelComparison
 from frictionjax.diagnosis.verdict import MismatchBin, MissingEffect, Unexplained
 from frictionjax.estimation.parameters import effect_layout
 from frictionjax.physics import catalogue
@@ -36,7 +36,7 @@ def _verdict(before, *after, one_law=False, **more):
     has `one_law`, or not."""
     if not after:
         return verdict_of([Round(table(misfits=before), None, **more)], None)
-    whole = Comparison(
+    whole = ModelComparison(
         before=(),
         after=("Form",) * len(after),
         effect="",

@@ -12,19 +12,19 @@ import frictionjax as fj
 from frictionjax.diagnosis.effort import Effort, Screening
 from frictionjax.diagnosis.recording_fit import ClosedLoop, Unmeasured
 from frictionjax.diagnosis.rule import Limits, Rule
-from frictionjax.diagnosis.table import Comparison, Lead, OtherDecision, Table
+from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, OtherDecision
 from frictionjax.diagnosis.verdict import Ceiling, MismatchBin, NextExperiment, OneStep, SimulationAsGiven
 from frictionjax.report.save import comparisons_json, verdict_json
 
 
 def _full():
     """A diagnosis in which nothing has its default."""
-    row = Comparison(
+    row = ModelComparison(
         before=(), after=("MaxwellSlip",), effect="maxwell_slip", form="MaxwellSlip", exact=(True,),
         misfits_before=(1.0, 2.0), misfits_after=(0.1, math.nan), misfit_errors=(0.1, 0.2), energies=(0.5, 0.4),
         fit=Lead(3.0, 1.0, 9), held_out=Lead(2.0, 1.0, 8), waves=((math.inf, True),), gains_fit=(0.5, 0.25),
     )  # fmt: skip
-    table = Table(
+    table = ComparisonTable(
         "1", ("candidates", "1"), (), (1.0, 2.0), (0.1, 0.2), False, (row,), ((0, 0, Lead(1.0, 2.0, 3)),)
     )
     found = fake_diagnosis(n=200)

@@ -11,7 +11,7 @@ from helpers_diagnosis import adequate_diagnosis, fake_diagnosis
 from frictionjax.core import Estimate, FrictionjaxWarning
 from frictionjax.core.quantities import DisplayUnit, neat, span
 from frictionjax.diagnosis.findings.summary import summary_sentence
-from frictionjax.diagnosis.mismatch_map.axes import Motion, _position
+from frictionjax.diagnosis.mismatch_map.axes import EstimatedMotion, _position
 from frictionjax.diagnosis.verdict import Unexplained
 from frictionjax.recordings import Plant, audit, case_from_files, load_case
 from frictionjax.report import load_diagnosis, save_diagnosis, summary_lines
@@ -123,7 +123,7 @@ def test_the_summary_is_in_the_unit_of_the_files():
 
 def test_places_are_in_the_unit_of_the_files():
     x = np.linspace(0.0, 0.8, 40)[None]
-    axis = _position(Motion(x, x, x, x), np.ones_like(x, dtype=bool), PLANT)
+    axis = _position(EstimatedMotion(x, x, x, x), np.ones_like(x, dtype=bool), PLANT)
     assert axis.labels[0] == "x 0 to 5.73 deg"
 
 

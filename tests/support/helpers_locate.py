@@ -5,7 +5,7 @@ from helpers_estimation import FINE, PLANT, RATE
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.views import View
-from frictionjax.diagnosis.mismatch_map.axes import Motion, axes_of
+from frictionjax.diagnosis.mismatch_map.axes import EstimatedMotion, axes_of
 from frictionjax.diagnosis.mismatch_map.bin_power import tally_of
 from frictionjax.diagnosis.mismatch_map.frequency_bands import bands_of
 from frictionjax.diagnosis.mismatch_map.locate import floor_of_samples, grid_of
@@ -34,7 +34,7 @@ class World:
         batch = make_batch(recordings, encoder_step=FINE)
         pad = ((0, 0), (0, np.asarray(batch.x).shape[1] - x.shape[1]))
         self.scene = Scene(batch, np.array([False, True]), np.full(2, 50.0), names)
-        self.motion = Motion(*(np.pad(values, pad, mode="edge") for values in (x, v, bend, u)))
+        self.motion = EstimatedMotion(*(np.pad(values, pad, mode="edge") for values in (x, v, bend, u)))
         self.axes = axes_of(self.motion, PLANT, UNITS, self.scene)
         self.t = np.arange(self.motion.x.shape[1]) / RATE
         self.chance = self.chance_above(None)

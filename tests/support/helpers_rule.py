@@ -28,7 +28,7 @@ from frictionjax.diagnosis.findings.residual_map import helps
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.checks import is_motion
 from frictionjax.diagnosis.intake.coverage import Coverage
-from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.axes import MapAxis
 from frictionjax.diagnosis.mismatch_map.conditions import (
     is_a_part,
     is_condition,
@@ -45,7 +45,7 @@ from frictionjax.diagnosis.selection.candidate_table import excused_floor, may_e
 from frictionjax.diagnosis.selection.conclusion import is_above
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.verdict_rule import adequate, verdict_of
-from frictionjax.diagnosis.table import Comparison, Gains, Lead, OtherDecision, Table
+from frictionjax.diagnosis.table import ComparisonTable, Improvement, Lead, ModelComparison, OtherDecision
 from frictionjax.diagnosis.verdict import MismatchBin, Unexplained, Within
 
 Probe = tuple[Callable[[Rule], Any], Any]
@@ -59,16 +59,20 @@ def answer(probe: Callable[[Rule], Any], rule: Rule) -> Any:
         return str(error)
 
 
-def row(shares=(0.9, 0.9), *, before=(0.4, 0.4), energies=(0.0, 0.0), leads=(9.0, 9.0), **more) -> Comparison:
+def row(
+    shares=(0.9, 0.9), *, before=(0.4, 0.4), energies=(0.0, 0.0), leads=(9.0, 9.0), **more
+) -> ModelComparison:
     """A candidate that explains these `shares` of the misfits `before`, on fitted and on held-out recordings."""
     after = tuple(misfit * (1.0 - share) for misfit, share in zip(before, shares, strict=True))
     fit, held = (Lead(lead, 1.0, 100) for lead in leads)
     known = {"before": (), "after": ("Form",), "effect": "effect", "form": "Form", "exact": (False,)}
     known |= {"misfit_errors": (0.0, 0.0), "energies": energies, "fit": fit, "held_out": held}
-    return Comparison(misfits_before=before, misfits_after=after, **(known | more))
+    return ModelComparison(misfits_before=before, misfits_after=after, **(known | more))
 
 
-def candidate(shares=(0.0, 0.0), *, before=(0.4, 0.4), leads=(3.0, 3.0), p_value=1e-6, **more) -> Comparison:
+def candidate(
+    shares=(0.0, 0.0), *, before=(0.4, 0.4), leads=(3.0, 3.0), p_value=1e-6, **more
+) -> ModelComparison:
     """The same by shares as a rule counts them: of a misfit that is adequate, where the other set's is not, against
     what would be adequate."""
     adequate = Rule().limits.adequate
@@ -78,13 +82,15 @@ def candidate(shares=(0.0, 0.0), *, before=(0.4, 0.4), leads=(3.0, 3.0), p_value
     return dataclasses.replace(made, misfits_after=after)
 
 
-def table(*rows: Comparison, misfits=(0.4, 0.4), lead=9.0, **more) -> Table:
+def table(*rows: ModelComparison, misfits=(0.4, 0.4), lead=9.0, **more) -> ComparisonTable:
     """The `rows` as candidates beside a base model that leaves these `misfits`; each leads those after it by so many
     standard errors, `lead`."""
     known = {"key": "t0", "asked": ("candidates", "0"), "before": (), "misfit_errors": (0.0, 0.0)}
     pairs = [(one, other) for one in range(len(rows)) for other in range(one + 1, len(rows))]
     between = tuple((one, other, Lead(lead, 1.0, 100)) for one, other in pairs)
-    return Table(**(known | {"misfits": misfits, "chaotic": False, "rows": rows, "between": between} | more))
+    return ComparisonTable(
+        **(known | {"misfits": misfits, "chaotic": False, "rows": rows, "between": between} | more)
+    )
 
 
 def _accepts(**more):
@@ -192,10 +198,10 @@ def _places():
     power = power + np.where(halves[0] * halves[1] > 0, 6.0, 0.0) + np.where(halves[0] > 0, 1.5, 0.0)
     power = (power * (0.8 + 0.4 * rng.random(4096)))[None, :]
     axes = tuple(
-        Axis(name, ("low", "high"), ("low", "high"), half[None, :])
+        MapAxis(name, ("low", "high"), ("low", "high"), half[None, :])
         for name, half in zip(("time", "input", "position"), halves, strict=True)
     )
-    regime = Axis("regime", ("all",), ("all",), np.zeros((1, 4096), int))
+    regime = MapAxis("regime", ("all",), ("all",), np.zeros((1, 4096), int))
     scene = SimpleNamespace(batch=SimpleNamespace(valid=np.ones((1, 4096)), block=64 // 10))
     return (*axes, regime), power, scene
 
@@ -331,12 +337,12 @@ PROBES: dict[str, list[Probe]] = {
         (lambda rule: is_motion(0.0, 2.1, rule), True),
     ],
     "residual.lead": [
-        (lambda rule: helps(Gains(0.0, 0.5, 0.0, 0.0, 0.0, 1.0, True), rule), False),
-        (lambda rule: helps(Gains(0.0, 0.5, 0.0, 0.0, 0.0, 2.0, True), rule), True),
+        (lambda rule: helps(Improvement(0.0, 0.5, 0.0, 0.0, 0.0, 1.0, True), rule), False),
+        (lambda rule: helps(Improvement(0.0, 0.5, 0.0, 0.0, 0.0, 2.0, True), rule), True),
     ],
     "residual.share": [
-        (lambda rule: helps(Gains(0.0, 0.07, 0.0, 0.0, 0.0, 9.0, True), rule), False),
-        (lambda rule: helps(Gains(0.0, 0.12, 0.0, 0.0, 0.0, 9.0, True), rule), True),
+        (lambda rule: helps(Improvement(0.0, 0.07, 0.0, 0.0, 0.0, 9.0, True), rule), False),
+        (lambda rule: helps(Improvement(0.0, 0.12, 0.0, 0.0, 0.0, 9.0, True), rule), True),
     ],
     "ceiling.lead": [
         (lambda rule: is_above(row(leads=(9.0, 2.9)), rule), False),

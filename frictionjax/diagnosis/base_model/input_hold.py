@@ -14,7 +14,7 @@ from frictionjax.diagnosis.evidence.judgement import Judgement
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Comparison, Table, table_of_one
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, table_of_one
 from frictionjax.recordings import Case
 
 Hold = Literal["zero", "linear"]
@@ -33,13 +33,13 @@ def with_hold(case: Case, hold: Hold) -> Case:
     return dataclasses.replace(case, plant=dataclasses.replace(case.plant, hold=hold))
 
 
-def linear_against_held(linear: Judgement, held: Judgement, *, rule: Rule = Rule()) -> Comparison:
+def linear_against_held(linear: Judgement, held: Judgement, *, rule: Rule = Rule()) -> ModelComparison:
     """The base model fitted with an input that is `linear` between samples against the one with an input that is
     `held`, above the noise; both with the same observers and steps. `rule`: as in `compare`."""
     return compare(held, linear, np.ones((1, 1)), rule=rule)
 
 
-def likelier(row: Comparison) -> Hold:
+def likelier(row: ModelComparison) -> Hold:
     """Which input is likelier on the fitted recordings, by the `row` that compares them; the held one where neither
     is."""
     return "linear" if row.fit.total > 0.0 else "zero"
@@ -47,7 +47,7 @@ def likelier(row: Comparison) -> Hold:
 
 def base_with_likelier_hold(
     case: Case, starting: StartingPoint, executor: Executor, progress: Progress, *, rule: Rule = Rule()
-) -> tuple[Case, StartingPoint, Model, tuple[str, ...], tuple[Table, ...]]:
+) -> tuple[Case, StartingPoint, Model, tuple[str, ...], tuple[ComparisonTable, ...]]:
     """The `case` with the likelier input, its starting point, its base model, what is to be said of the choice, and the
     comparison that made it; where the input of the case is known, the case as it is, and nothing.
 

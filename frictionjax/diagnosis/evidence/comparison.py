@@ -5,7 +5,7 @@ import numpy as np
 from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained
 from frictionjax.diagnosis.evidence.model import has_contacts
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Comparison, Lead, paired_lead
+from frictionjax.diagnosis.table import Lead, ModelComparison, paired_lead
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect
 
 _SHORTEST = 1e-200  # of a period: what has none is periodic as often as one likes
@@ -20,7 +20,7 @@ def compare(
     p_value: float = 0.0,
     makes_credible: bool = False,
     rule: Rule = Rule(),
-) -> Comparison:
+) -> ModelComparison:
     """`after` against `before`, above the `floor` of each block.
 
     **Arguments:**
@@ -29,13 +29,13 @@ def compare(
     - `floor`: power of each block that a perfect model would leave.
     - `added`: the effect that is added; None where several are.
     - `p_value`: of the score test of the effect that is added; 0 where it has passed one before.
-    - `makes_credible`: as in `Comparison`.
+    - `makes_credible`: as in `ModelComparison`.
     - `rule`: for what enters the comparison itself (`Rule.floor`).
     """
     held = before.held_out
     gains = before.clusters(floor) - after.clusters(floor)
     scored = by_cluster(np.asarray(before.batch.block_count)) > 0
-    return Comparison(
+    return ModelComparison(
         before=forms_of(before),
         after=forms_of(after),
         effect=added.name if added is not None else "",

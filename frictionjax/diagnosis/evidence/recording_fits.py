@@ -8,7 +8,7 @@ from jaxtyping import Float
 from frictionjax.diagnosis.evidence.horizons import horizons_of, lacking_force, rms_error
 from frictionjax.diagnosis.evidence.imposed_views import smoothing_width
 from frictionjax.diagnosis.evidence.judgement import Scene
-from frictionjax.diagnosis.evidence.views import Given, View, ahead_samples, force_bandwidth
+from frictionjax.diagnosis.evidence.views import GivenPredictions, View, ahead_samples, force_bandwidth
 from frictionjax.diagnosis.recording_fit import ClosedLoop, RecordingFit
 from frictionjax.physics import Drive
 from frictionjax.recordings import Recording
@@ -38,7 +38,7 @@ def recording_fits(
     base: View,
     extended: View,
     base_drive: Drive,
-    given: Given | None = None,
+    given: GivenPredictions | None = None,
     closed: Sequence[ClosedLoop | None] | None = None,
 ) -> tuple[RecordingFit, ...]:
     """One `RecordingFit` per recording.

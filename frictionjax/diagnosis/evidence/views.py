@@ -52,7 +52,7 @@ class View(eqx.Module):
     one_second: Float[np.ndarray, "r n"] | None = None
 
 
-class Given(eqx.Module):
+class GivenPredictions(eqx.Module):
     """What the user's own simulation, as it was given, predicts.
 
     **Attributes:** `source` (as in `SimulationAsGiven`), `there` (which recordings have one, bool, shape `(r,)`), the

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from frictionjax.core.quantities import in_unit
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
-from frictionjax.diagnosis.evidence.views import Given, View, view
+from frictionjax.diagnosis.evidence.views import GivenPredictions, View, view
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.mismatch_map.locate import Located, grid_along
 from frictionjax.diagnosis.recording_fit import RecordingFit
@@ -38,7 +38,7 @@ Model = Literal["base", "extended", "given"]
 
 def as_given(
     starting: StartingPoint, scene: Scene, silent_effects: tuple[AbstractEffect, ...] = ()
-) -> Given | None:
+) -> GivenPredictions | None:
     """What the user's own simulation predicts for the recordings of the `scene`; None where there is none.
 
     **Arguments:**
@@ -55,7 +55,7 @@ def as_given(
     held_out, batch = scene.held_out, scene.batch
     power = np.ones(np.asarray(batch.block_count).shape)
     found = view(Judgement(drive, np.zeros(held_out.size), power, held_out, batch), scene)
-    return Given("model", np.ones(held_out.size, bool), found.free, found.ahead)
+    return GivenPredictions("model", np.ones(held_out.size, bool), found.free, found.ahead)
 
 
 def drive_as_given(starting: StartingPoint, silent_effects: tuple[AbstractEffect, ...]) -> Drive:
@@ -63,7 +63,7 @@ def drive_as_given(starting: StartingPoint, silent_effects: tuple[AbstractEffect
     return starting.own.applied(starting.start.drives[0]).with_effects(*silent_effects)
 
 
-def column_as_given(recordings: tuple[Recording, ...], scene: Scene) -> Given | None:
+def column_as_given(recordings: tuple[Recording, ...], scene: Scene) -> GivenPredictions | None:
     """The columns `simulated` of the `recordings` of the `scene`; None where none of them has one."""
     there = np.array([recording.simulated is not None for recording in recordings])
     if not there.any():
@@ -72,11 +72,11 @@ def column_as_given(recordings: tuple[Recording, ...], scene: Scene) -> Given | 
     for row, recording in enumerate(recordings):
         if recording.simulated is not None:
             free[row, : recording.x.size] = recording.simulated
-    return Given("column", there, free, None)
+    return GivenPredictions("column", there, free, None)
 
 
 def simulation_as_given(
-    given: Given | None,
+    given: GivenPredictions | None,
     fits: tuple[RecordingFit, ...],
     plant: Plant,
     where: Located | None,
@@ -105,7 +105,7 @@ def simulation_as_given(
 
 
 def where_it_misses(
-    given: Given | None,
+    given: GivenPredictions | None,
     base: View,
     drive: Drive,
     plant: Plant,

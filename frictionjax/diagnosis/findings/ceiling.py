@@ -17,12 +17,12 @@ from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
-from frictionjax.diagnosis.findings.free_force import Group, free_force, together
+from frictionjax.diagnosis.findings.free_force import RegressorGroup, free_force, together
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import LONGEST_STEP
 from frictionjax.diagnosis.selection.conclusion import is_above
-from frictionjax.diagnosis.table import Comparison
+from frictionjax.diagnosis.table import ModelComparison
 from frictionjax.diagnosis.verdict import Ceiling, OneStep
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import put_together
@@ -60,7 +60,7 @@ def ceiling_of(
     *,
     base: Model | None = None,
     rule: Rule = Rule(),
-) -> tuple[Ceiling | None, Comparison | None]:
+) -> tuple[Ceiling | None, ModelComparison | None]:
     """How much more than the `model` a model with a free force explains.
 
     **Arguments:**
@@ -114,9 +114,9 @@ def _one_step(
 
 
 def _reported(
-    found: Comparison,
+    found: ModelComparison,
     fit: _Fit,
-    groups: tuple[Group, ...],
+    groups: tuple[RegressorGroup, ...],
     model: Model,
     recordings: tuple[OneStep, ...],
     rule: Rule,
@@ -179,7 +179,7 @@ class _Search:
             np.asarray(evaluation.e),
         )
 
-    def run(self, groups: tuple[Group, ...]) -> tuple[_Fit, tuple[Group, ...]]:
+    def run(self, groups: tuple[RegressorGroup, ...]) -> tuple[_Fit, tuple[RegressorGroup, ...]]:
         """The model with a force of those of the `groups` that predict parts of the fitted recordings that were left
         out, each column over Coulomb friction; and these groups."""
         nothing = np.zeros_like(self.first.errors)

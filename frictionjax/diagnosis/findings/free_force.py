@@ -20,8 +20,8 @@ _SHORTEST_REST, _LONGEST_REST = 0.01, 10.0  # s
 _BENDS = (0.03, 300.0)  # distances since a reversal over the deflection at break-away
 
 
-class Group(eqx.Module):
-    """Columns of one variable.
+class RegressorGroup(eqx.Module):
+    """The columns of one variable in the regression.
 
     **Attributes:** `variable` (in words), `columns` (shape `(k, r, n)`, of magnitude one).
     """
@@ -38,7 +38,7 @@ def free_force(
     drive: Drive,
     scene: Scene,
     since: Float[np.ndarray, " r"],
-) -> tuple[Group, ...]:
+) -> tuple[RegressorGroup, ...]:
     """The columns along all recordings.
 
     **Arguments:**
@@ -71,23 +71,25 @@ def free_force(
     slowest = float(np.min(slow))
     speed, fastest = np.arcsinh(v / slowest), float(np.arcsinh(top / slowest))
     groups = (
-        Group("velocity", _roofs(speed, np.linspace(-fastest, fastest, _SPEEDS))),
-        Group("deflection of the bristle", _roofs(z / bend, np.linspace(-1.0, 1.0, _BENT))),
-        Group("position", place),
-        Group("position and direction", place * direction),
-        Group(
+        RegressorGroup("velocity", _roofs(speed, np.linspace(-fastest, fastest, _SPEEDS))),
+        RegressorGroup("deflection of the bristle", _roofs(z / bend, np.linspace(-1.0, 1.0, _BENT))),
+        RegressorGroup("position", place),
+        RegressorGroup("position and direction", place * direction),
+        RegressorGroup(
             "distance since a reversal",
             _roofs(np.log(np.maximum(distance, bends[0])), np.log(bends)) * direction,
         ),
-        Group("the last rest", _roofs(np.log(np.maximum(rest, rests[0])), np.log(rests)) * direction),
-        Group("input", _roofs(u, np.linspace(*_span(u, inside), _INPUTS))),
-        Group(
+        RegressorGroup(
+            "the last rest", _roofs(np.log(np.maximum(rest, rests[0])), np.log(rests)) * direction
+        ),
+        RegressorGroup("input", _roofs(u, np.linspace(*_span(u, inside), _INPUTS))),
+        RegressorGroup(
             "size of the input and direction",
             _roofs(np.abs(u), np.linspace(*_span(np.abs(u), inside), _INPUTS)) * direction,
         ),
-        Group("time", _roofs(clock, np.linspace(*_span(clock, inside), _TIMES)) * direction),
+        RegressorGroup("time", _roofs(clock, np.linspace(*_span(clock, inside), _TIMES)) * direction),
     )
-    return tuple(Group(group.variable, _used(group.columns, inside)) for group in groups)
+    return tuple(RegressorGroup(group.variable, _used(group.columns, inside)) for group in groups)
 
 
 def _span(values: Float[np.ndarray, "r n"], inside: Bool[np.ndarray, "r n"]) -> tuple[float, float]:
@@ -108,6 +110,6 @@ def _used(columns: Float[np.ndarray, "k r n"], inside: Bool[np.ndarray, "r n"]) 
     return columns[np.any(columns != 0.0, axis=(1, 2))]
 
 
-def together(groups: Sequence[Group]) -> Float[np.ndarray, "k r n"]:
+def together(groups: Sequence[RegressorGroup]) -> Float[np.ndarray, "k r n"]:
     """The columns of all `groups`."""
     return np.concatenate([group.columns for group in groups])

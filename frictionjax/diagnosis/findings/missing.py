@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from frictionjax.core import Estimate
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.views import View, view
-from frictionjax.diagnosis.mismatch_map.locate import Grid
+from frictionjax.diagnosis.mismatch_map.locate import MismatchGrid
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.candidate_table import effect_p_values
 from frictionjax.diagnosis.selection.confidence import Evidence
@@ -64,7 +64,7 @@ def missing_effects(
 
 
 def where_each_acts(
-    steps: Sequence[Step], grid: Grid, known: Sequence[tuple[Model, View]], *, rule: Rule = Rule()
+    steps: Sequence[Step], grid: MismatchGrid, known: Sequence[tuple[Model, View]], *, rule: Rule = Rule()
 ) -> list[str]:
     """In words, where the errors fell when each of the effects that the `steps` accepted was added to the model.
 

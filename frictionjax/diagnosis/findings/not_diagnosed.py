@@ -6,7 +6,7 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View
 from frictionjax.diagnosis.findings.as_given import column_as_given, simulation_as_given
-from frictionjax.diagnosis.table import OtherDecision, Table
+from frictionjax.diagnosis.table import ComparisonTable, OtherDecision
 from frictionjax.diagnosis.verdict import Candidate, Diagnosis, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.recordings import Case
@@ -27,7 +27,7 @@ def not_diagnosed(
     warnings: tuple[str, ...],
     cure: str,
     seconds: dict[str, float],
-    tables: tuple[Table, ...] = (),
+    tables: tuple[ComparisonTable, ...] = (),
     decided: tuple[OtherDecision, ...] = (),
 ) -> Diagnosis:
     """The result for a `case` whose base fit is not credible: `unknown`, no effect named, every effect untested.

@@ -15,7 +15,13 @@ from frictionjax.diagnosis.evidence.views import View, held_out_error
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.linearised import Present, present_model
 from frictionjax.diagnosis.screening.score_test import Trial, forms_to_try, try_form
-from frictionjax.diagnosis.table import Comparison, Gains, OtherDecision, Table, table_of_one
+from frictionjax.diagnosis.table import (
+    ComparisonTable,
+    Improvement,
+    ModelComparison,
+    OtherDecision,
+    table_of_one,
+)
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend
 from frictionjax.estimation.parameters import changed
@@ -47,7 +53,7 @@ class ResidualModel(eqx.Module):
 
     variable: str = eqx.field(static=True)
     model: Model
-    row: Comparison = eqx.field(static=True)
+    row: ModelComparison = eqx.field(static=True)
     helps: bool = eqx.field(static=True)
 
 
@@ -65,7 +71,7 @@ def _spot(present: Present) -> tuple[float, float] | None:
     return (float(0.5 * (low + high)), float(half)) if 2.0 * half < 0.5 * np.ptp(x) else None
 
 
-def helps(gains: Gains, rule: Rule) -> bool:
+def helps(gains: Improvement, rule: Rule) -> bool:
     """Whether a map with these `gains` predicts held-out recordings better than the model without it, by the `rule`."""
     return gains.lead_holdout > rule.residual.lead and gains.share_holdout > rule.residual.share
 
@@ -133,7 +139,7 @@ def over_position(
     floor: Float[np.ndarray, "#r #b"],
     *,
     rule: Rule = Rule(),
-) -> tuple[Comparison, tuple[str, ...]] | None:
+) -> tuple[ModelComparison, tuple[str, ...]] | None:
     """The model with the map of the `residual` against the base model, and the names of the forces of the position in
     the `last` model, where there are some and the map is over the position, too, and helps; else None.
 
@@ -164,7 +170,7 @@ def rejected_note(residual: ResidualModel, compared: OtherDecision) -> str:
     return _REJECTED.format(residual.variable, numbers["error_without_map"], numbers["error"])
 
 
-def map_tables(residual: ResidualModel | None) -> tuple[Table, ...]:
+def map_tables(residual: ResidualModel | None) -> tuple[ComparisonTable, ...]:
     """The comparison by which a map, the `residual`, helps, as a table that is stored; none where there is no map."""
     if residual is None:
         return ()

@@ -24,9 +24,9 @@ _BENDS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # distance since a reversal over th
 _SIGNIFICANT = 4.0  # standard deviations of the observer's velocity below which a velocity counts as noise
 
 
-class Motion(eqx.Module):
-    """All recordings as the base model observes them, arrays of shape `(r, n)`: `x`, `v`, `bend` (|z| over Fs/sigma0),
-    `u`."""
+class EstimatedMotion(eqx.Module):
+    """All recordings with what the observer of the base model estimates, arrays of shape `(r, n)`: `x`, `v`, `bend`
+    (|z| over Fs/sigma0), `u`."""
 
     x: Float[np.ndarray, "r n"]
     v: Float[np.ndarray, "r n"]
@@ -43,8 +43,8 @@ class Union(eqx.Module):
     bins: tuple[int, ...] = eqx.field(static=True)
 
 
-class Axis(eqx.Module):
-    """One partition of the samples.
+class MapAxis(eqx.Module):
+    """An axis of the map: one partition of the samples.
 
     **Attributes:** `name` (as in verdict.json), `labels` of the bins, `phrases` (the same as words after "only"),
     `index` of each sample's bin, shape `(r, n)`, -1 for none; `unions` of bins that are reported as one ("after rests
@@ -100,7 +100,7 @@ REGIMES = (
 """Labels of the regimes, by how far the bristle is bent and how fast the machine moves."""
 
 
-def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[Axis, ...]:
+def axes_of(motion: EstimatedMotion, drive: Drive, plant: Plant, scene: Scene) -> tuple[MapAxis, ...]:
     """The axes of a map, except frequency.
 
     **Arguments:**
@@ -125,32 +125,32 @@ def axes_of(motion: Motion, drive: Drive, plant: Plant, scene: Scene) -> tuple[A
     )
 
 
-def _regime(motion: Motion, vs: float, slow: Float[np.ndarray, "r 1"], top: float) -> Axis:
+def _regime(motion: EstimatedMotion, vs: float, slow: Float[np.ndarray, "r 1"], top: float) -> MapAxis:
     speed = np.abs(motion.v)
     gross = speed > max(min(3.0 * vs, 0.3 * top), 0.0)
     moving = (speed > slow) & (motion.bend > 0.5)
     bent = np.digitize(motion.bend, (0.2, 0.8))
     index = np.where(gross, 4, np.where(moving, 3, bent))
-    return Axis("regime", REGIMES, tuple(f"in {label.split(' (')[0]}" for label in REGIMES), index)
+    return MapAxis("regime", REGIMES, tuple(f"in {label.split(' (')[0]}" for label in REGIMES), index)
 
 
-def _direction(motion: Motion, slow: Float[np.ndarray, "r 1"]) -> Axis:
+def _direction(motion: EstimatedMotion, slow: Float[np.ndarray, "r 1"]) -> MapAxis:
     index = np.where(motion.v > slow, 0, np.where(motion.v < -slow, 1, 2))
     labels = ("forward", "backward", "at rest")
-    return Axis("direction", labels, ("moving forward", "moving backward", "at rest"), index)
+    return MapAxis("direction", labels, ("moving forward", "moving backward", "at rest"), index)
 
 
-def _velocity(motion: Motion, top: float, plant: Plant) -> Axis:
+def _velocity(motion: EstimatedMotion, top: float, plant: Plant) -> MapAxis:
     edges = top * np.array([0.0, 0.001, 0.01, 0.03, 0.1, 0.3, np.inf])
     return _along("velocity", np.abs(motion.v), edges, plant.displayed(f"{plant.position_unit}/s"), "|v|")
 
 
-def _position(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
+def _position(motion: EstimatedMotion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> MapAxis:
     places = np.linspace(float(motion.x[valid].min()), float(motion.x[valid].max()), 9)
     return _along("position", motion.x, places, plant.shown_position, "x")
 
 
-def _input(motion: Motion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> Axis:
+def _input(motion: EstimatedMotion, valid: Bool[np.ndarray, "r n"], plant: Plant) -> MapAxis:
     effort = np.quantile(np.abs(motion.u[valid]), [0.0, 0.25, 0.5, 0.75, 0.9, 1.0])
     effort[0], effort[-1] = 0.0, np.inf
     return _along("input", np.abs(motion.u), np.unique(effort), plant.shown_input, "|u|")
@@ -162,7 +162,7 @@ def _along(
     edges: Float[np.ndarray, " k"],
     unit: str | DisplayUnit,
     symbol: str,
-) -> Axis:
+) -> MapAxis:
     """An axis along the `values` of a quantity with this `symbol`."""
     # The outermost bins include everything beyond their edges: the largest position itself, and samples not scored.
     index = np.clip(np.digitize(values, edges) - 1, 0, len(edges) - 2)
@@ -175,7 +175,7 @@ def _along(
     else:
         labels.append(f"{symbol} {span(float(edges[-2]), float(edges[-1]), unit)}")
     unions = _beyond(inner, f"{symbol} above {{}}", f"{symbol} below {{}}", "at ")
-    return Axis(name, tuple(labels), tuple(f"at {label}" for label in labels), index, unions)
+    return MapAxis(name, tuple(labels), tuple(f"at {label}" for label in labels), index, unions)
 
 
 def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tuple[Union, ...]:
@@ -191,8 +191,8 @@ def _beyond(edges: tuple[str, ...], above: str, below: str, before: str) -> tupl
 
 
 def _since_reversal(
-    motion: Motion, drive: Drive, slow: Float[np.ndarray, "r 1"], plant: Plant, scene: Scene
-) -> tuple[Axis, Axis]:
+    motion: EstimatedMotion, drive: Drive, slow: Float[np.ndarray, "r 1"], plant: Plant, scene: Scene
+) -> tuple[MapAxis, MapAxis]:
     dt = np.asarray(scene.batch.dt)
     since = [
         since_reversal(x, v, float(rest), float(step))
@@ -206,7 +206,9 @@ def _since_reversal(
     return _after(time, np.array(_TIMES), "s"), _after(distance, distances, plant.shown_position)
 
 
-def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str | DisplayUnit) -> Axis:
+def _after(
+    values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], unit: str | DisplayUnit
+) -> MapAxis:
     labels, phrases = [], []
     for low, high in itertools.pairwise(edges.tolist()):
         if low == 0.0 and np.isfinite(high):
@@ -223,10 +225,10 @@ def _after(values: Float[np.ndarray, "r n"], edges: Float[np.ndarray, " k"], uni
         Union(union.label, f"in the {union.label}", union.bins) if union.bins[0] == 0 else union
         for union in unions
     )
-    return Axis("since_reversal", tuple(labels), tuple(phrases), index, unions)
+    return MapAxis("since_reversal", tuple(labels), tuple(phrases), index, unions)
 
 
-def _dwell(motion: Motion, slow: Float[np.ndarray, "r 1"], scene: Scene) -> Axis:
+def _dwell(motion: EstimatedMotion, slow: Float[np.ndarray, "r 1"], scene: Scene) -> MapAxis:
     dt = np.asarray(scene.batch.dt)
     rows = [
         last_rest(v, float(rest), float(step)) for v, rest, step in zip(motion.v, slow[:, 0], dt, strict=True)
@@ -240,10 +242,10 @@ def _dwell(motion: Motion, slow: Float[np.ndarray, "r 1"], scene: Scene) -> Axis
     labels += [f"after rests longer than {neat(_RESTS[-2], 's')}", "at rest", "before the first rest"]
     inner = tuple(neat(edge, "s") for edge in _RESTS[1:-1])
     unions = _beyond(inner, "after rests longer than {}", "after rests shorter than {}", "")
-    return Axis("dwell", tuple(labels), tuple(labels), index, unions)
+    return MapAxis("dwell", tuple(labels), tuple(labels), index, unions)
 
 
-def _time(scene: Scene) -> Axis:
+def _time(scene: Scene) -> MapAxis:
     index = np.full(np.asarray(scene.batch.valid).shape, -1)
     labels = []
     for row, name in enumerate(scene.names):
@@ -255,4 +257,4 @@ def _time(scene: Scene) -> Axis:
         Union(f"recording {name}", f"in recording {name}", tuple(range(3 * row, 3 * row + 3)))
         for row, name in enumerate(scene.names)
     )
-    return Axis("time", tuple(labels), tuple(f"in {label}" for label in labels), index, whole)
+    return MapAxis("time", tuple(labels), tuple(f"in {label}" for label in labels), index, whole)

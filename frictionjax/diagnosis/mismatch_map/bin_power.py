@@ -6,7 +6,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from frictionjax.diagnosis.evidence.judgement import Scene
-from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.axes import MapAxis
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import CLUSTER
 
@@ -50,7 +50,7 @@ class Tally(eqx.Module):
         return mean, np.where(clusters >= rule.place.least_clusters, spread / total, 0.0)
 
 
-def tally_of(axes: tuple[Axis, ...], scene: Scene, rule: Rule) -> Tally:
+def tally_of(axes: tuple[MapAxis, ...], scene: Scene, rule: Rule) -> Tally:
     """The tally of all bins of the `axes` with enough scored samples of the `scene`, by the `rule`."""
     scored = np.asarray(scene.batch.valid).ravel() > 0
     cluster = clusters_of(scene).ravel()

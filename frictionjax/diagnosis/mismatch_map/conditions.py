@@ -13,7 +13,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from frictionjax.diagnosis.evidence.judgement import Scene
-from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.axes import MapAxis
 from frictionjax.diagnosis.mismatch_map.bin_power import clusters_of
 from frictionjax.diagnosis.mismatch_map.where_words import divergence
 from frictionjax.diagnosis.rule import Rule
@@ -24,7 +24,7 @@ _ASKED = ("dwell", "direction", "since_reversal", "position", "input", "time")
 
 def parts_within(
     lead: tuple[MismatchBin, ...],
-    axes: tuple[Axis, ...],
+    axes: tuple[MapAxis, ...],
     power: Float[np.ndarray, "r n"],
     scene: Scene,
     *,
@@ -55,7 +55,7 @@ def parts_within(
     return tuple(found)
 
 
-def _inside(one: MismatchBin, axes: tuple[Axis, ...]) -> Bool[np.ndarray, "r n"]:
+def _inside(one: MismatchBin, axes: tuple[MapAxis, ...]) -> Bool[np.ndarray, "r n"]:
     for axis in axes:
         for label, _, bins in axis.parts() if axis.name == one.axis else ():
             if label == one.bin:
@@ -64,7 +64,7 @@ def _inside(one: MismatchBin, axes: tuple[Axis, ...]) -> Bool[np.ndarray, "r n"]
 
 
 def _strongest_part(
-    axes: list[Axis],
+    axes: list[MapAxis],
     inside: Bool[np.ndarray, "r n"],
     power: Float[np.ndarray, "r n"],
     scene: Scene,

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.views import View
-from frictionjax.diagnosis.mismatch_map.axes import Axis, Motion, axes_of
+from frictionjax.diagnosis.mismatch_map.axes import EstimatedMotion, MapAxis, axes_of
 from frictionjax.diagnosis.mismatch_map.bin_power import Tally, tally_of
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.frequency_bands import Bands, bands_of
@@ -39,14 +39,14 @@ class Located(eqx.Module):
     where: str = eqx.field(static=True)
 
 
-class Grid(eqx.Module):
-    """The bins of a map, and what chance makes of them.
+class MismatchGrid(eqx.Module):
+    """The bins of a map of the mismatch, and what chance makes of them.
 
     **Attributes:** `axes` (from `axes_of`), `scene` (the recordings), `level` (power that a true model leaves at each
     sample, shape `(r, n)`), `tally` and `bands` (the bins), `chance` (distribution of the map under noise alone).
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[MapAxis, ...]
     scene: Scene
     level: Float[np.ndarray, "r n"]
     tally: Tally
@@ -92,14 +92,14 @@ class Grid(eqx.Module):
 
 
 def grid_of(
-    axes: tuple[Axis, ...],
+    axes: tuple[MapAxis, ...],
     scene: Scene,
     floor: Float[np.ndarray, "r b"] | None = None,
     chance: Chance | None = None,
     mapping: Callable[..., Iterable] = map,
     *,
     rule: Rule = Rule(),
-) -> Grid:
+) -> MismatchGrid:
     """The bins of a map of the `scene`.
 
     **Arguments:**
@@ -114,7 +114,7 @@ def grid_of(
     level = floor_of_samples(floor, scene)
     tally, bands = tally_of(axes, scene, rule), bands_of(scene, level)
     chance = chance_of(tally, bands, scene, level, mapping=mapping, rule=rule) if chance is None else chance
-    return Grid(axes, scene, level, tally, bands, chance)
+    return MismatchGrid(axes, scene, level, tally, bands, chance)
 
 
 def grid_along(
@@ -126,7 +126,7 @@ def grid_along(
     mapping: Callable[..., Iterable] = map,
     *,
     rule: Rule = Rule(),
-) -> Grid:
+) -> MismatchGrid:
     """The bins of `grid_of` along the axes that suit the recordings.
 
     **Arguments:**
@@ -138,13 +138,13 @@ def grid_along(
     """
     batch = scene.batch
     inputs = np.zeros(batch.x.shape) if batch.inputs is None else np.asarray(batch.inputs)
-    axes = axes_of(Motion(np.asarray(batch.x), base.v, base.bend, inputs), drive, plant, scene)
+    axes = axes_of(EstimatedMotion(np.asarray(batch.x), base.v, base.bend, inputs), drive, plant, scene)
     if batch.inputs is None:
         axes = tuple(axis for axis in axes if axis.name != "input")
     return grid_of(axes, scene, floor, mapping=mapping, rule=rule)
 
 
-def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[Axis, ...]) -> tuple[MismatchBin, ...]:
+def unions_of(bins: tuple[MismatchBin, ...], axes: tuple[MapAxis, ...]) -> tuple[MismatchBin, ...]:
     """The unions of the `bins` that the `axes` define, as one bin each, with the smallest of their p-values."""
     found = []
     for axis in axes:

@@ -28,7 +28,7 @@ Vector = Float[Numbers, " q"]
 
 
 @dataclasses.dataclass(frozen=True)
-class Start:
+class RefitStart:
     """What all candidates of a round start from.
 
     **Attributes:** `model` (without them), `fast` (its objective with the observers of a search, of the fitted
@@ -58,7 +58,7 @@ class Start:
         """Whether the model has effects that the base model has not."""
         return len(self.model.posterior.drive.effects) > self.base_effects
 
-    def lowest(self, candidates: Sequence["Candidate"]) -> float:
+    def lowest(self, candidates: Sequence["CandidateDescent"]) -> float:
         """The lowest misfit of the `candidates` and of the best one before them."""
         return min(self.best, *(one.fitted.misfit for one in candidates))
 
@@ -77,7 +77,7 @@ class Start:
 
 
 @dataclasses.dataclass(frozen=True)
-class Candidate:
+class CandidateDescent:
     """A candidate under way: the `trial` that it comes from, its objective `posterior`, and where it is, `fitted`."""
 
     trial: Trial
@@ -85,28 +85,28 @@ class Candidate:
     fitted: RobustFit
 
 
-def first_descent(start: Start, trial: Trial) -> Candidate:
+def first_descent(start: RefitStart, trial: Trial) -> CandidateDescent:
     """The first steps of the candidate of a `trial`: from its one-step estimate and, where these leave much, from the
     other starts of its effect."""
     posterior, alone = start.extended(trial)
     vector = _placed(posterior, alone, trial.vector)
     if start.graduate:
-        return Candidate(
+        return CandidateDescent(
             trial, posterior, _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
         )
     found = _first_steps(start, posterior, [vector])
     budget = start.effort.refitting
     if not found.misfit > max(budget.far, budget.settled * start.misfit):
-        return Candidate(trial, posterior, found)
+        return CandidateDescent(trial, posterior, found)
     # Far from the noise one step for all parameters may lead astray: those of the model stay where they were.
     own, with_load = start.own(posterior), isinstance(trial.form, AbstractLoadEffect)
     others = _other_starts(start, posterior, alone)
     others = [uncoupled(posterior, one) if with_load else one for one in others]
     other = _first_steps(start, posterior, [changed(alone, own, np.asarray(trial.vector)[own]), *others])
-    return Candidate(trial, posterior, min(found, other, key=lambda fitted: fitted.misfit))
+    return CandidateDescent(trial, posterior, min(found, other, key=lambda fitted: fitted.misfit))
 
 
-def further(start: Start, candidate: Candidate) -> Candidate:
+def further(start: RefitStart, candidate: CandidateDescent) -> CandidateDescent:
     """The `candidate` after the rest of the steps of its first descent."""
     found, budget = candidate.fitted, start.effort.refitting
     if start.graduate or found.ending in (Ending.AT_REST, Ending.NO_STEP):
@@ -118,7 +118,7 @@ def further(start: Start, candidate: Candidate) -> Candidate:
     return dataclasses.replace(candidate, fitted=fitted)
 
 
-def at_the_resonance(start: Start, candidate: Candidate) -> Candidate:
+def at_the_resonance(start: RefitStart, candidate: CandidateDescent) -> CandidateDescent:
     """The `candidate`, or a better end of it from where the base fit started, with as much of the effect as its test
     promised, or as the resonance shows."""
     trial, posterior, own = candidate.trial, candidate.posterior, start.own(candidate.posterior)
@@ -134,17 +134,17 @@ def at_the_resonance(start: Start, candidate: Candidate) -> Candidate:
     )
 
 
-def along_the_minimum(start: Start, trial: Trial) -> Candidate:
+def along_the_minimum(start: RefitStart, trial: Trial) -> CandidateDescent:
     """The candidate of a `trial` that base parameters can undo, from a plain size and base parameters that undo it."""
     posterior, vector = start.extended(trial)
     budget = start.effort.refitting
     first = _placed(posterior, vector, trial.valley)
-    return Candidate(
+    return CandidateDescent(
         trial, posterior, descend(posterior, first, steps=budget.first_steps, tolerance=budget.tolerance)
     )
 
 
-def from_the_balance(start: Start, trial: Trial, balanced: Balanced) -> Candidate:
+def from_the_balance(start: RefitStart, trial: Trial, balanced: Balanced) -> CandidateDescent:
     """The candidate of a `trial` from what the force balance says of it, friction and inertia included: their ranges
     are about that, too, as the base fit may be far off."""
     posterior, vector = start.extended(trial)
@@ -158,11 +158,11 @@ def from_the_balance(start: Start, trial: Trial, balanced: Balanced) -> Candidat
         )
         there = eqx.tree_at(lambda p: p.start, posterior, first)
         fitted = descend(there, first, steps=budget.steps, tolerance=budget.tolerance)
-        ends.append(Candidate(trial, there, fitted))
+        ends.append(CandidateDescent(trial, there, fitted))
     return min(ends, key=lambda one: one.fitted.misfit)
 
 
-def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
+def behind_a_gap(start: RefitStart, trial: Trial) -> CandidateDescent | None:
     """The candidate of a `trial` with a gap, searched; None where no gap predicts sliding better."""
     posterior, vector = start.extended(trial)
     slow = posterior.at_bandwidth(SLOW_BANDWIDTH)
@@ -171,10 +171,10 @@ def behind_a_gap(start: Start, trial: Trial) -> Candidate | None:
     )
     if found is None:
         return None
-    return Candidate(trial, posterior, descend(posterior, found, graduate=False, steps=0))
+    return CandidateDescent(trial, posterior, descend(posterior, found, graduate=False, steps=0))
 
 
-def with_slow_observer(start: Start, candidate: Candidate) -> Refitted:
+def with_slow_observer(start: RefitStart, candidate: CandidateDescent) -> Refitted:
     """The `candidate` after its last descent, with the slow observer, and judged. Where it ends above the model without
     it, the first descent led it astray, and it starts again from there: a richer model never explains less."""
     rule = start.rule
@@ -212,7 +212,7 @@ def _placed(posterior: Posterior, vector: Vector, estimate: Float[Numbers, " p"]
     return changed(vector, places, estimate)
 
 
-def _other_starts(start: Start, posterior: Posterior, vector: Vector) -> list[Vector]:
+def _other_starts(start: RefitStart, posterior: Posterior, vector: Vector) -> list[Vector]:
     """`vector` with the parameters of the effect where a refit of it starts besides."""
     other, own = vector, start.own(posterior)
     for place in range(own.start, own.stop):
@@ -227,14 +227,14 @@ def _other_starts(start: Start, posterior: Posterior, vector: Vector) -> list[Ve
     return [] if other is vector else [other]
 
 
-def _lowest(start: Start, posterior: Posterior, starts: list[Vector]) -> RobustFit:
+def _lowest(start: RefitStart, posterior: Posterior, starts: list[Vector]) -> RobustFit:
     """The lowest end of descents from the `starts` that begin with a wide loss."""
     budget = start.effort.refitting
     ends = [descend(posterior, one, steps=budget.steps, tolerance=budget.tolerance) for one in starts]
     return min(ends, key=lambda fitted: fitted.misfit)
 
 
-def _first_steps(start: Start, posterior: Posterior, starts: list[Vector]) -> RobustFit:
+def _first_steps(start: RefitStart, posterior: Posterior, starts: list[Vector]) -> RobustFit:
     """The lowest end of the first steps from the `starts`."""
     budget = start.effort.refitting
     # From a step that gains a wide loss leads no further than the noise's own.

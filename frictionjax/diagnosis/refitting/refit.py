@@ -14,8 +14,8 @@ from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.pace import search_bandwidth
 from frictionjax.diagnosis.refitting.backlash_search import load_ratio
 from frictionjax.diagnosis.refitting.descents import (
-    Candidate,
-    Start,
+    CandidateDescent,
+    RefitStart,
     along_the_minimum,
     at_the_resonance,
     behind_a_gap,
@@ -115,13 +115,13 @@ def refit_balanced(
 
 def _start(
     model: Model, scales: dict[str, float], hints: Hints, best: Model | None, rule: Rule, effort: Effort
-) -> Start:
+) -> RefitStart:
     bandwidth = search_bandwidth(model.posterior, model.fitted.vector)
     whole = model.posterior.at_bandwidth(bandwidth)
     # Held-out recordings determine nothing of a candidate: they are followed in the last descent.
     fitted, vector = whole.of_fitted(model.fitted.vector)
     fast, misfit = _searched(fitted, vector, effort)
-    return Start(
+    return RefitStart(
         model=model,
         fast=fast,
         vector=vector,
@@ -158,8 +158,12 @@ def _misfit_of_search(model: Model, searched: Posterior, bandwidth: float) -> fl
 
 
 def _from_other_starts(
-    candidates: list[Candidate], trials: list[Trial], start: Start, hints: Hints, executor: Executor
-) -> list[Candidate]:
+    candidates: list[CandidateDescent],
+    trials: list[Trial],
+    start: RefitStart,
+    hints: Hints,
+    executor: Executor,
+) -> list[CandidateDescent]:
     """The `candidates`, fitted again from where the base fit started where all leave most of its misfit; and, where
     that does not help either, a load behind a gap."""
     budget = start.effort.refitting
@@ -181,7 +185,7 @@ def _from_other_starts(
     return candidates
 
 
-def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]:
+def _near_the_best(candidates: list[CandidateDescent], start: RefitStart) -> list[CandidateDescent]:
     """Those of the `candidates` that go on to the last descent: near the best gain, the best of each form."""
     budget = start.effort.refitting
     gains = np.array([start.misfit - one.fitted.misfit for one in candidates])
@@ -194,9 +198,9 @@ def _near_the_best(candidates: list[Candidate], start: Start) -> list[Candidate]
     return _best_of_each_form(chosen)
 
 
-def _best_of_each_form(candidates: list[Candidate]) -> list[Candidate]:
+def _best_of_each_form(candidates: list[CandidateDescent]) -> list[CandidateDescent]:
     """The `candidates` without those of a form that started from another place, too, and ended better there."""
-    best: dict[str, Candidate] = {}
+    best: dict[str, CandidateDescent] = {}
     for one in candidates:
         form = type(one.trial.form).__name__
         if form not in best or one.fitted.misfit < best[form].fitted.misfit:
@@ -204,7 +208,7 @@ def _best_of_each_form(candidates: list[Candidate]) -> list[Candidate]:
     return list(best.values())
 
 
-def _longest_first(executor: Executor, start: Start, trials: list[Trial]) -> list[Candidate]:
+def _longest_first(executor: Executor, start: RefitStart, trials: list[Trial]) -> list[CandidateDescent]:
     """The first descent of each of the `trials`, in their order. Those with the most parameters start first: started
     last, the slowest of all would keep one core busy while the others wait."""
     order = sorted(range(len(trials)), key=lambda number: -len(trials[number].vector))
@@ -212,7 +216,7 @@ def _longest_first(executor: Executor, start: Start, trials: list[Trial]) -> lis
     return [made for _, made in sorted(zip(order, done, strict=True), key=lambda pair: pair[0])]
 
 
-def _foremost(candidates: list[Candidate], start: Start, part: float) -> list[Candidate]:
+def _foremost(candidates: list[CandidateDescent], start: RefitStart, part: float) -> list[CandidateDescent]:
     """Those that gain more than `part` of what the best one gains on the misfit at the `start`, and the first few."""
     order = sorted(range(len(candidates)), key=lambda number: candidates[number].fitted.misfit)
     most = start.misfit - start.lowest(candidates)

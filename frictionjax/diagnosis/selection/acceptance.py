@@ -2,12 +2,12 @@
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
-from frictionjax.diagnosis.table import Comparison, Lead, Table, within
+from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, within
 
 _NOT_COMPLETE = "what is named explains nearly all of the misfit; of the rest this effect explains too little"
 
 
-def acceptable(row: Comparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:
+def acceptable(row: ModelComparison, rule: Rule, *, least_share: float = 0.0) -> tuple[bool, str]:
     """Whether the candidate of a `row` may enter the model by the `rule`, and if not, why not.
 
     The model with it must be clearly likelier on all recordings, and likelier on those that it was fitted to and on the
@@ -34,21 +34,21 @@ def _nats(lead: Lead) -> str:
     return f"{lead.total:+.3g} ± {lead.error:.2g}"
 
 
-def likelier(row: Comparison, rule: Rule) -> bool:
+def likelier(row: ModelComparison, rule: Rule) -> bool:
     """Whether chance does not do what the candidate of a `row` does, by the `rule`: it leads by so many standard errors
     on all recordings together, and by some on the fitted and on the held-out ones alone."""
     each = min(row.fit.in_errors(rule), row.held_out.in_errors(rule))
     return bool(row.lead.in_errors(rule) > rule.accept.lead and each > rule.accept.lead_each)
 
 
-def least_share_of(table: Table, rule: Rule) -> float:
+def least_share_of(table: ComparisonTable, rule: Rule) -> float:
     """Share of the misfit that a candidate of the `table` must explain, by the `rule`: none where it is the first name
     of a model that misses something."""
     adequate = all(within(table.misfits, table.misfit_errors, rule.limits.adequate, rule))
     return rule.accept.least_share if adequate or not table.is_first else 0.0
 
 
-def explains_enough(whole: Comparison, rule: Rule) -> bool:
+def explains_enough(whole: ModelComparison, rule: Rule) -> bool:
     """Whether what was found, compared with the base model in `whole`, explains enough to be named at all, by the
     `rule`: of the misfit or, since far from the noise the misfit is a logarithm, of the power."""
     gains = whole.gains(rule)
@@ -59,12 +59,12 @@ def explains_enough(whole: Comparison, rule: Rule) -> bool:
     )
 
 
-def ranked(table: Table, rule: Rule) -> list[int]:
+def ranked(table: ComparisonTable, rule: Rule) -> list[int]:
     """The rows of the `table`, the one that explains most first, by the `rule`."""
     return sorted(range(len(table.rows)), key=lambda row: -table.rows[row].gains(rule).worth)
 
 
-def choose(table: Table, rule: Rule) -> Round:
+def choose(table: ComparisonTable, rule: Rule) -> Round:
     """The round in which the likeliest acceptable candidate of the `table` is accepted, by the `rule`: that with the
     largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike)."""
     least = least_share_of(table, rule)
@@ -81,13 +81,13 @@ def choose(table: Table, rule: Rule) -> Round:
     return Round(table, accepted, tuple(sorted(rivals)))
 
 
-def gain_of(row: Comparison) -> float:
+def gain_of(row: ModelComparison) -> float:
     """Gain of the log-likelihood on all recordings over the model without the candidate of the `row`, less one for each
     of its parameters."""
     return row.fit.total + row.held_out.total - row.free
 
 
-def best_likelier(table: Table, rule: Rule) -> int | None:
+def best_likelier(table: ComparisonTable, rule: Rule) -> int | None:
     """The likeliest candidate of the `table` that chance does not bring, although it explains too little alone; None
     where there is none."""
     clear = [row for row, own in enumerate(table.rows) if likelier(own, rule) and own.gains(rule).share > 0.0]

@@ -22,7 +22,7 @@ from frictionjax.diagnosis.evidence.noise_floor import (
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.diagnosis.table import Table
+from frictionjax.diagnosis.table import ComparisonTable
 
 _HALVINGS = 30  # of what is excused
 _LOWEST = -50.0  # logarithm of a factor on a floor, below any in use: powers are in units of the noise
@@ -57,7 +57,7 @@ def table_of_candidates(
     ground: Ground,
     *,
     rule: Rule = Rule(),
-) -> Table:
+) -> ComparisonTable:
     """The `refits` compared with the `model`, in their order.
 
     **Arguments:**
@@ -81,7 +81,7 @@ def table_of_candidates(
         )
         for refit, makes in zip(refits, credible, strict=True)
     )
-    return Table(
+    return ComparisonTable(
         key=key,
         asked=asked,
         before=forms_of(judgement),

@@ -9,7 +9,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.verdict_rule import most_left
-from frictionjax.diagnosis.table import Comparison, Table, table_of_one
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, table_of_one
 
 CEILING, SHAPE = "ceiling", "shape"
 """What is tried beside the last model once the search has ended: a force that is free; a map over the position beside a
@@ -21,7 +21,9 @@ def asked_afterwards(tried: str, chain: Sequence[Round]) -> tuple[str, ...]:
     return (tried, *(one.reference for one in chain if one.accepted is not None))
 
 
-def tables_of(afterwards: Mapping[str, Comparison | None], chain: Sequence[Round]) -> Iterator[Table]:
+def tables_of(
+    afterwards: Mapping[str, ModelComparison | None], chain: Sequence[Round]
+) -> Iterator[ComparisonTable]:
     """What was tried `afterwards` beside the last model of the `chain`, as tables that are stored."""
     own = chain[-1].table
     for tried, row in afterwards.items():
@@ -30,7 +32,7 @@ def tables_of(afterwards: Mapping[str, Comparison | None], chain: Sequence[Round
             yield table_of_one(tried, asked, row, chaotic=row.chaotic, imposed=own.imposed)
 
 
-def below_ceiling(decision: Decision, free: Comparison | None, rule: Rule) -> Decision:
+def below_ceiling(decision: Decision, free: ModelComparison | None, rule: Rule) -> Decision:
     """The `decision`, or `unknown` where it was `adequate` and a force that is `free` predicts better, by the `rule`.
 
     **Arguments:** `free`, the model with the free force against the one without it; None where it was not tried.
@@ -40,14 +42,14 @@ def below_ceiling(decision: Decision, free: Comparison | None, rule: Rule) -> De
     return decision
 
 
-def is_above(free: Comparison, rule: Rule) -> bool:
+def is_above(free: ModelComparison, rule: Rule) -> bool:
     """Whether the model with a `free` force predicts held-out recordings better than the one without it: by more than
     chance, and by what matters, by the `rule`."""
     drop = free.misfits_before[1] - free.misfits_after[1]
     return free.held_out.in_errors(rule) > rule.ceiling.lead and drop > rule.limits.adequate
 
 
-def of_another_shape(decision: Decision, mapped: Comparison | None, rule: Rule) -> Decision:
+def of_another_shape(decision: Decision, mapped: ModelComparison | None, rule: Rule) -> Decision:
     """The `decision`, or `named` where it was `unknown`, a force of the position was accepted, and a map over the
     position beside it leaves little enough for a name, by the `rule`.
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round
-from frictionjax.diagnosis.table import Comparison
+from frictionjax.diagnosis.table import ModelComparison
 
 BIAS = -3.0
 WEIGHTS = (0.5, 0.5, 2.5, 0.3)
@@ -49,7 +49,9 @@ class Evidence(NamedTuple):
         return float(1.0 / (1.0 + np.exp(-(BIAS + self.features @ np.asarray(WEIGHTS)))))
 
 
-def evidence_of(chain: Sequence[Round], whole: Comparison | None, *, rule: Rule = Rule()) -> list[Evidence]:
+def evidence_of(
+    chain: Sequence[Round], whole: ModelComparison | None, *, rule: Rule = Rule()
+) -> list[Evidence]:
     """The `Evidence` for each effect that the selection accepted, in its order.
 
     **Arguments:** the `chain` of rounds; `whole`, the last accepted model against the base model, None where nothing

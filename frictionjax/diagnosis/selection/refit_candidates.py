@@ -32,7 +32,7 @@ from frictionjax.physics.effects import catalogue
 
 
 @dataclasses.dataclass(frozen=True)
-class Candidates:
+class CandidateRefitter:
     """Tests the catalogue beside a model, and refits the best.
 
     **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `scales` (the

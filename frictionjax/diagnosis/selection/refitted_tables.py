@@ -29,7 +29,7 @@ from frictionjax.diagnosis.selection.stored_tables import (
     asked_of_rebuilt,
     asked_of_whole,
 )
-from frictionjax.diagnosis.table import Comparison, Table, table_of_one
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, table_of_one
 from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
@@ -38,7 +38,7 @@ from frictionjax.physics.effects import AbstractEffect
 
 @runtime_checkable
 class Refits(Protocol):
-    """What tests and refits the catalogue: `Candidates`."""
+    """What tests and refits the catalogue: `CandidateRefitter`."""
 
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """As `Candidates.beside`, of the `model` and the `number`."""
@@ -85,15 +85,15 @@ class RefittedTables:
         rule: Rule = Rule(),
         effort: Effort = Effort(),
     ) -> None:
-        self.tables: list[Table] = []
+        self.tables: list[ComparisonTable] = []
         self._base, self._refits, self._scales, self._answer = base, refits, scales, answer
         self._rule, self._effort = rule, effort
         self._made: dict[str, Made] = {}
         self._settled: dict[str, Refitted] = {}
         self._rest: dict[tuple[str, ...], Model] = {}
-        self._single: dict[tuple[str, ...], Comparison] = {}
+        self._single: dict[tuple[str, ...], ModelComparison] = {}
 
-    def candidates(self, number: int, chain: Sequence[Round]) -> Table:
+    def candidates(self, number: int, chain: Sequence[Round]) -> ComparisonTable:
         """As in `Tables`: of this `number`, after the `chain`."""
         model = self.accepted(chain[-1]).model if chain else self._base
         model, trials, refits = self._refits.beside(model, number)
@@ -107,19 +107,19 @@ class RefittedTables:
         if model is not own.model:
             self._settled[found.reference] = Refitted(own.trial, model)
 
-    def whole(self, chain: Sequence[Round]) -> Comparison:
+    def whole(self, chain: Sequence[Round]) -> ModelComparison:
         """As in `Tables`, of the `chain`."""
         last = next(one for one in reversed(chain) if one.accepted is not None)
         base, floor = self._made[chain[0].table.key].before, self._made[chain[-1].table.key].ground.floor
         return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor)
 
-    def all_recordings(self, first: Round) -> Comparison:
+    def all_recordings(self, first: Round) -> ModelComparison:
         """As in `Tables`, of the round `first`."""
         own = self._made[first.table.key]
         found = fitted_to_all(own.before)
         return self._against(asked_of_all_recordings(first), own.before, found, own.ground.floor)
 
-    def without(self, chain: Sequence[Round], place: int) -> Comparison:
+    def without(self, chain: Sequence[Round], place: int) -> ModelComparison:
         """As in `Tables`, of the `chain` and the `place`."""
         asked, last = asked_of_move("without", chain, place), chain[-1]
         full, others = self.accepted(last).model, [k for k in range(len(chain)) if k != place]
@@ -128,7 +128,9 @@ class RefittedTables:
         own = self.accepted(chain[place]).trial.form
         return self._against(asked, rest, full, self._made[last.table.key].ground.floor, own)
 
-    def fewer(self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]) -> Table:
+    def fewer(
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]
+    ) -> ComparisonTable:
         """As in `Tables`, of the `chain`, the `place`, and the `number` after those `before`."""
         kept = [own for other, own in enumerate(chain) if other != place]
         asked, own = asked_of_move("fewer", chain, place, number), kept[number]
@@ -148,7 +150,7 @@ class RefittedTables:
             model = self.accepted(before[-1]).model  # the others were refitted beside the one that goes
         return self.compared(asked, model, trials, refits, before=self._floor_of(before))
 
-    def swap(self, chain: Sequence[Round], place: int) -> Table:
+    def swap(self, chain: Sequence[Round], place: int) -> ComparisonTable:
         """As in `Tables`, of the `chain` and the `place`."""
         own, full = chain[place], self.accepted(chain[-1]).model
         others = [number for number in range(len(chain)) if number != place]
@@ -163,8 +165,8 @@ class RefittedTables:
         return self.compared(asked, rest, trials + passed, [incumbent, *refits])
 
     def rebuilt(
-        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: Table
-    ) -> Table:
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: ComparisonTable
+    ) -> ComparisonTable:
         """As in `Tables`, of the `chain`, the `place`, the `number` after those `before`, and the table `swap`."""
         kept = [own for other, own in enumerate(chain) if other != place]
         own, base = kept[number], self._made[chain[0].table.key].before
@@ -188,13 +190,13 @@ class RefittedTables:
         refits: list[Refitted],
         *,
         before: np.ndarray | None = None,
-    ) -> Table:
+    ) -> ComparisonTable:
         """The table of what was `asked`: `refits` of the best of the `trials` compared with the `model`; `before` as in
         `ground_of`."""
         ground = ground_of(model, refits, self._answer(), before, rule=self._rule)
         return self.keep(asked, Made(model, trials, refits, ground))
 
-    def keep(self, asked: tuple[str, ...], made: Made) -> Table:
+    def keep(self, asked: tuple[str, ...], made: Made) -> ComparisonTable:
         """The table of what was `asked`, of models that are `made`, and kept."""
         key = f"t{len(self.tables)}"
         table = table_of_candidates(
@@ -243,7 +245,7 @@ class RefittedTables:
         after: Model,
         floor: np.ndarray,
         added: AbstractEffect | None = None,
-    ) -> Comparison:
+    ) -> ModelComparison:
         """One comparison, kept as a table of one row; its effect has passed its test before."""
         if asked in self._single:
             return self._single[asked]

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from frictionjax.diagnosis.table import Comparison, Table
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Round:
     whose model was refitted against what it leaves itself, or None).
     """
 
-    table: Table
+    table: ComparisonTable
     accepted: int | None
     rivals: tuple[str, ...] = ()
     together: bool = False
@@ -23,7 +23,7 @@ class Round:
     settled: int | None = None
 
     @property
-    def row(self) -> Comparison:
+    def row(self) -> ModelComparison:
         """The comparison of the accepted candidate. Raises `ValueError` where none was accepted."""
         if self.accepted is None:
             raise ValueError(f"Nothing was accepted in table {self.table.key}.")

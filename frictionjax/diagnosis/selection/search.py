@@ -19,7 +19,7 @@ from frictionjax.diagnosis.selection.acceptance import (
 from frictionjax.diagnosis.selection.confidence import Evidence, evidence_of
 from frictionjax.diagnosis.selection.round import Round, dropping
 from frictionjax.diagnosis.selection.verdict_rule import adequate, most_left, verdict_of
-from frictionjax.diagnosis.table import Comparison, Table, within
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, within
 from frictionjax.diagnosis.verdict import Verdict
 
 _TOO_LITTLE = "clearly likelier, but all that was found explains too little of the misfit to be named"
@@ -31,7 +31,7 @@ class Tables(Protocol):
     """What supplies the comparisons that a search asks for. A `chain` holds the rounds so far, each with an accepted
     candidate, in the order in which their effects were added."""
 
-    def candidates(self, number: int, chain: Sequence[Round]) -> Table:
+    def candidates(self, number: int, chain: Sequence[Round]) -> ComparisonTable:
         """The catalogue's candidates beside what the `chain` accepted: the round of this `number`, from 0 on."""
         ...
 
@@ -39,29 +39,31 @@ class Tables(Protocol):
         """Take notice that the round `found` accepted a candidate, before anything is asked that rests on it."""
         ...
 
-    def whole(self, chain: Sequence[Round]) -> Comparison:
+    def whole(self, chain: Sequence[Round]) -> ModelComparison:
         """The model that the `chain` accepted last against the base model, above the floor of its last table."""
         ...
 
-    def all_recordings(self, first: Round) -> Comparison:
+    def all_recordings(self, first: Round) -> ModelComparison:
         """The base model of the round `first`, refitted to all recordings, against itself as it was."""
         ...
 
-    def without(self, chain: Sequence[Round], place: int) -> Comparison:
+    def without(self, chain: Sequence[Round], place: int) -> ModelComparison:
         """The model of the `chain` against the one without the effect at the `place`, refitted."""
         ...
 
-    def fewer(self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]) -> Table:
+    def fewer(
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]
+    ) -> ComparisonTable:
         """Of the `chain` without the effect at the `place`, the effect of this `number` beside those `before` it."""
         ...
 
-    def swap(self, chain: Sequence[Round], place: int) -> Table:
+    def swap(self, chain: Sequence[Round], place: int) -> ComparisonTable:
         """The effect at the `place` of the `chain` and all that are confused with it, beside the others."""
         ...
 
     def rebuilt(
-        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: Table
-    ) -> Table:
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: ComparisonTable
+    ) -> ComparisonTable:
         """As `fewer`, with the rivals of that effect, after the table `swap` let another in at the `place`."""
         ...
 
@@ -122,7 +124,7 @@ class Search:
             return chain
         return [dropping(first, _TOO_LITTLE)]
 
-    def _accept(self, table: Table) -> Round:
+    def _accept(self, table: ComparisonTable) -> Round:
         found = choose(table, self.rule)
         return found if found.accepted is None else self._settled(found, found.accepted)
 
@@ -176,7 +178,7 @@ class Search:
             chain = self.swap(chain)
         return chain
 
-    def _leaves_chaos(self, whole: Comparison) -> bool:
+    def _leaves_chaos(self, whole: ModelComparison) -> bool:
         """Whether contacts are what is missing, having explained enough of the `whole`: what they leave is chaos, and
         no effect beside them explains most of that."""
         share = whole.gains(self.rule).share
@@ -223,7 +225,7 @@ class Search:
             chain = [*chain[:place], dataclasses.replace(own, rivals=()), *chain[place + 1 :]]
         return chain
 
-    def _rebuilt(self, chain: list[Round], place: int, swap: Table) -> list[Round]:
+    def _rebuilt(self, chain: list[Round], place: int, swap: ComparisonTable) -> list[Round]:
         """The `chain` without the effect at the `place`. Each of the others was found beside it and is needed there;
         alone it need not explain most."""
         rebuilt: list[Round] = []

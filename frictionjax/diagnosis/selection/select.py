@@ -15,11 +15,11 @@ from frictionjax.diagnosis.evidence.pace import is_coarse
 from frictionjax.diagnosis.refitting.refitted import ease
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import resonance_pair
-from frictionjax.diagnosis.selection.refit_candidates import Candidates
+from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
 from frictionjax.diagnosis.selection.refitted_tables import RefittedTables
 from frictionjax.diagnosis.selection.search import Decision, decide
 from frictionjax.diagnosis.selection.step import Step
-from frictionjax.diagnosis.table import Table
+from frictionjax.diagnosis.table import ComparisonTable
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import Balanced
 
@@ -34,7 +34,7 @@ class Selection:
 
     steps: list[Step]
     decision: Decision
-    tables: tuple[Table, ...]
+    tables: tuple[ComparisonTable, ...]
 
 
 def select(
@@ -86,7 +86,7 @@ def select(
     return dataclasses.replace(repeated, tables=(*repeated.tables, *_of_first_gains(found.tables)))
 
 
-def _of_first_gains(tables: tuple[Table, ...]) -> Iterator[Table]:
+def _of_first_gains(tables: tuple[ComparisonTable, ...]) -> Iterator[ComparisonTable]:
     """The `tables` of a selection that was made again with other gains, under names that no search asks for."""
     for table in tables:
         yield dataclasses.replace(table, key=f"first {table.key}", asked=("first gains", *table.asked))
@@ -124,7 +124,7 @@ def _selected(
     if not posterior.batch.imposed:
         fitted = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
         pair = resonance_pair(posterior.batch, fitted)  # type: ignore[arg-type]
-    candidates = Candidates(
+    candidates = CandidateRefitter(
         executor,
         progress,
         scales,

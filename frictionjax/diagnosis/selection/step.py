@@ -6,7 +6,7 @@ import numpy as np
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.screening.score_test import Trial
-from frictionjax.diagnosis.table import Comparison
+from frictionjax.diagnosis.table import ModelComparison
 
 
 class Step(eqx.Module):
@@ -23,7 +23,7 @@ class Step(eqx.Module):
     before: Model
     trials: list[Trial]
     refits: list[Refitted]
-    compared: list[Comparison]
+    compared: list[ModelComparison]
     floor: np.ndarray
     force: float
     accepted: Refitted | None

@@ -12,7 +12,7 @@ from frictionjax.diagnosis.selection.conclusion import (
 )
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Decision, decide
-from frictionjax.diagnosis.table import Comparison, Table
+from frictionjax.diagnosis.table import ComparisonTable, ModelComparison
 
 
 class NotStored(LookupError):
@@ -25,20 +25,20 @@ class StoredTables:
     Raises `NotStored` for a table that is not among them, and for a rule whose numbers enter the tables themselves.
     """
 
-    def __init__(self, tables: Iterable[Table], made_by: Rule, rule: Rule) -> None:
+    def __init__(self, tables: Iterable[ComparisonTable], made_by: Rule, rule: Rule) -> None:
         self._tables = {table.asked: table for table in tables}
         self._other_ranking = made_by.limits.adequate != rule.limits.adequate
         if made_by.floor != rule.floor:
             raise NotStored("numbers of `floor` enter the tables, which were made with others")
 
-    def candidates(self, number: int, chain: Sequence[Round]) -> Table:
+    def candidates(self, number: int, chain: Sequence[Round]) -> ComparisonTable:
         """As in `Tables`: of this `number`, after the `chain`."""
         return self._find(asked_of_candidates(number, chain))
 
     def settle(self, found: Round) -> None:
         """Nothing is refitted: what the round `found` accepted is stored as it was."""
 
-    def whole(self, chain: Sequence[Round]) -> Comparison:
+    def whole(self, chain: Sequence[Round]) -> ModelComparison:
         """As in `Tables`, of the `chain`; of a candidate of the first round its own row, where nothing is refitted when
         it is accepted."""
         asked = asked_of_whole(chain)
@@ -46,35 +46,37 @@ class StoredTables:
         own = last.table is chain[-1].table and not last.table.before and not last.table.imposed
         return last.row if asked not in self._tables and own else self._find(asked).rows[0]
 
-    def all_recordings(self, first: Round) -> Comparison:
+    def all_recordings(self, first: Round) -> ModelComparison:
         """As in `Tables`, of the round `first`."""
         return self._find(asked_of_all_recordings(first)).rows[0]
 
-    def without(self, chain: Sequence[Round], place: int) -> Comparison:
+    def without(self, chain: Sequence[Round], place: int) -> ModelComparison:
         """As in `Tables`, of the `chain` and the `place`."""
         return self._find(asked_of_move("without", chain, place)).rows[0]
 
-    def fewer(self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]) -> Table:
+    def fewer(
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round]
+    ) -> ComparisonTable:
         """As in `Tables`, of the `chain`, the `place`, and the `number` after those `before`."""
         return self._find(asked_of_move("fewer", chain, place, number))
 
-    def swap(self, chain: Sequence[Round], place: int) -> Table:
+    def swap(self, chain: Sequence[Round], place: int) -> ComparisonTable:
         """As in `Tables`, of the `chain` and the `place`."""
         return self._find(asked_of_move("swap", chain, place))
 
     def rebuilt(
-        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: Table
-    ) -> Table:
+        self, chain: Sequence[Round], place: int, number: int, before: Sequence[Round], swap: ComparisonTable
+    ) -> ComparisonTable:
         """As in `Tables`, of the `chain`, the `place`, the `number` after those `before`, and the table `swap`."""
         return self._find(asked_of_rebuilt(chain, place, number, swap))
 
-    def afterwards(self, tried: str, chain: Sequence[Round]) -> Comparison | None:
+    def afterwards(self, tried: str, chain: Sequence[Round]) -> ModelComparison | None:
         """What was `tried` beside the last model of the `chain` once the search had ended (`conclusion`); None where it
         was not, or by a version that did not store it."""
         table = self._tables.get(asked_afterwards(tried, chain))
         return None if table is None else table.rows[0]
 
-    def _find(self, asked: tuple[str, ...]) -> Table:
+    def _find(self, asked: tuple[str, ...]) -> ComparisonTable:
         table = self._tables.get(asked)
         if table is None:
             raise NotStored(f"no table of {' '.join(asked)}")
@@ -115,7 +117,9 @@ def asked_of_move(
     return (move, str(place), *steps, *(one.reference for one in chain))
 
 
-def asked_of_rebuilt(chain: Sequence[Round], place: int, number: int, swap: Table) -> tuple[str, ...]:
+def asked_of_rebuilt(
+    chain: Sequence[Round], place: int, number: int, swap: ComparisonTable
+) -> tuple[str, ...]:
     """What stands for the effect of this `number` of the `chain` without the one at the `place`, with its rivals, after
     the table `swap`."""
     kept = [one for other, one in enumerate(chain) if other != place]

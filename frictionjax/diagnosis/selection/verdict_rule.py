@@ -6,7 +6,7 @@ import numpy as np
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round
-from frictionjax.diagnosis.table import Comparison, within
+from frictionjax.diagnosis.table import ModelComparison, within
 from frictionjax.diagnosis.verdict import Verdict
 
 
@@ -31,7 +31,7 @@ def adequate(misfits: tuple[float, float], errors: tuple[float, float], rule: Ru
 
 
 def verdict_of(
-    chain: Sequence[Round], whole: Comparison | None, *, rule: Rule = Rule()
+    chain: Sequence[Round], whole: ModelComparison | None, *, rule: Rule = Rule()
 ) -> tuple[Verdict, tuple[bool, float]]:
     """`adequate` when the base model is at the noise on fit and held-out recordings, with its parameters as they were
     fitted or with those of all recordings together; `named` when what was accepted explains enough of the whole; else

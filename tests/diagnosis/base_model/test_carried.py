@@ -17,8 +17,8 @@ from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable
-from frictionjax.diagnosis.selection.refit_candidates import Candidates
-from frictionjax.diagnosis.table import Comparison, Lead
+from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
+from frictionjax.diagnosis.table import Lead, ModelComparison
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import force_balance
 from frictionjax.recordings import Case, Plant
@@ -66,7 +66,7 @@ def test_the_first_round_asks_for_these_forces_and_accepts_the_right_one(found, 
     base = found.base
     scales = plant_scales(base.judgement.drive, base.posterior.batch)
     rule, effort = RULE, Effort()
-    candidates = Candidates(
+    candidates = CandidateRefitter(
         executor, silent, scales, None, frozenset(), frozenset(), None, lambda: found.forces, rule, effort
     )
     _, trials, refits = dataclasses.replace(candidates, carried=True).beside(base, 0)
@@ -87,7 +87,7 @@ def test_a_reversed_input_is_not_carried_by_any_force(starting, executor):
 
 
 def row(**own):
-    plain = Comparison(
+    plain = ModelComparison(
         before=(),
         after=("GravityPendulum",),
         effect="gravity_pendulum",

@@ -5,7 +5,7 @@ import pytest
 from helpers_estimation import RATE
 from helpers_locate import World, moves, swings, views_of
 
-from frictionjax.diagnosis.mismatch_map.axes import Axis
+from frictionjax.diagnosis.mismatch_map.axes import MapAxis
 from frictionjax.diagnosis.mismatch_map.conditions import parts_within
 from frictionjax.diagnosis.mismatch_map.null_maps import Chance
 from frictionjax.diagnosis.mismatch_map.where_words import lead_of, strongest, where_words
@@ -230,7 +230,7 @@ def test_a_bin_with_few_samples_is_left_out(world):
     index[0, 1000:1100] = 0
     few = World.__new__(World)
     few.__dict__.update(world.__dict__)
-    few.axes = (Axis("regime", ("few", "most"), ("in few", "in most"), index),)
+    few.axes = (MapAxis("regime", ("few", "most"), ("in few", "in most"), index),)
     few.chance = few.chance_above(None)
     assert _labels(few.located(few.innovations(0)).bins, "regime") == ["most"]
 

@@ -16,7 +16,12 @@ from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.refitting import refit
-from frictionjax.diagnosis.refitting.descents import Candidate, Start, uncoupled, with_slow_observer
+from frictionjax.diagnosis.refitting.descents import (
+    CandidateDescent,
+    RefitStart,
+    uncoupled,
+    with_slow_observer,
+)
 from frictionjax.diagnosis.refitting.refit import Hints, refit_all
 from frictionjax.diagnosis.refitting.shortlist import absorbed_by_base
 from frictionjax.diagnosis.rule import Rule
@@ -154,10 +159,12 @@ def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):
     away[place] += np.log(30.0)
     astray = descend(posterior, away, graduate=False, steps=0)
     few = dataclasses.replace(Effort(), refitting=dataclasses.replace(Refitting(), slow_steps=5))
-    slow = with_slow_observer(dataclasses.replace(start, effort=few), Candidate(trial, posterior, astray))
+    slow = with_slow_observer(
+        dataclasses.replace(start, effort=few), CandidateDescent(trial, posterior, astray)
+    )
     assert astray.misfit > 2.0 * model.fitted.misfit
     assert slow.model.fitted.misfit < model.fitted.misfit
-    lost = Candidate(
+    lost = CandidateDescent(
         trial, posterior, descend(posterior, np.full_like(away, np.nan), graduate=False, steps=0)
     )
     assert with_slow_observer(start, lost).model.fitted.misfit <= model.fitted.misfit
@@ -242,7 +249,7 @@ class _Ended(SimpleNamespace):
 def _start_at(best):
     """A start at a misfit of 1 beside a base model without effects, with this misfit of the `best` before."""
     base = SimpleNamespace(posterior=SimpleNamespace(drive=SimpleNamespace(effects=())))
-    return Start(base, None, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
+    return RefitStart(base, None, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
 
 
 @pytest.mark.untyped

@@ -12,7 +12,7 @@ from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.diagnosis.selection import refit_candidates
-from frictionjax.diagnosis.selection.refit_candidates import Candidates
+from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
 from frictionjax.diagnosis.selection.round import dropping
 from frictionjax.diagnosis.selection.search import Search
 from frictionjax.physics import catalogue
@@ -72,7 +72,7 @@ def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_wo
     effort = Effort(screening=Screening(first_forms=1, linear_forms=0, related=0))
     others = frozenset(catalogue()) - FORCES
     with ThreadPoolExecutor(2) as executor:
-        candidates = Candidates(
+        candidates = CandidateRefitter(
             executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), effort
         )
         _, _, refits = candidates.beside(model, 0)
@@ -98,7 +98,7 @@ def test_every_refit_comes_with_a_test_though_its_step_threw_the_motion_before(t
     monkeypatch.setattr(refit_candidates, "try_catalogue", throwing)
     others = frozenset(catalogue()) - FORCES
     with ThreadPoolExecutor(2) as executor:
-        candidates = Candidates(
+        candidates = CandidateRefitter(
             executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), Effort()
         )
         _, trials, refits = candidates.beside(model, 0)
