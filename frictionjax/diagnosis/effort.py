@@ -8,7 +8,7 @@ import dataclasses
 
 
 @dataclasses.dataclass(frozen=True)
-class Screening:
+class ScreeningEffort:
     """What of the catalogue is simulated and refitted.
 
     **Attributes:**
@@ -48,7 +48,7 @@ class Screening:
 
 
 @dataclasses.dataclass(frozen=True)
-class Refitting:
+class RefittingEffort:
     """How far candidates are refitted, and when they are given up. Parts are of the misfit of the present model.
 
     **Attributes:**
@@ -102,7 +102,7 @@ class Refitting:
 
 
 @dataclasses.dataclass(frozen=True)
-class Backlash:
+class BacklashEffort:
     """Where a load behind a gap is searched.
 
     **Attributes:**
@@ -148,6 +148,6 @@ class Effort:
 
     rounds: int = 3
     longest_run: int = 5_000_000
-    screening: Screening = Screening()
-    refitting: Refitting = Refitting()
-    backlash: Backlash = Backlash()
+    screening: ScreeningEffort = ScreeningEffort()
+    refitting: RefittingEffort = RefittingEffort()
+    backlash: BacklashEffort = BacklashEffort()

@@ -13,7 +13,7 @@ import dataclasses
 
 
 @dataclasses.dataclass(frozen=True)
-class Floor:
+class FloorRule:
     """Numbers that enter the comparisons themselves: the power of the innovations that a perfect model would leave.
 
     They were used when a table was made: `benchmarks.replay` cannot change them.
@@ -65,7 +65,7 @@ class Floor:
 
 
 @dataclasses.dataclass(frozen=True)
-class Accept:
+class AcceptanceRule:
     """What a refitted candidate must show to be accepted into the model.
 
     **Attributes:**
@@ -100,7 +100,7 @@ class Accept:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rivals:
+class RivalRule:
     """Which names are reported as one class.
 
     **Attributes:**
@@ -114,7 +114,7 @@ class Rivals:
 
 
 @dataclasses.dataclass(frozen=True)
-class Limits:
+class VerdictRule:
     """When a model is adequate, and how little the named effects must leave for the verdict `named`.
 
     **Attributes:**
@@ -149,7 +149,7 @@ class Limits:
 
 
 @dataclasses.dataclass(frozen=True)
-class Credible:
+class CredibilityRule:
     """When a base fit predicts better than no model.
 
     **Attributes:**
@@ -176,7 +176,7 @@ class Credible:
 
 
 @dataclasses.dataclass(frozen=True)
-class Testable:
+class TestabilityRule:
     """What the recordings must hold for an effect to be tested.
 
     **Attributes:**
@@ -201,7 +201,7 @@ class Testable:
 
 
 @dataclasses.dataclass(frozen=True)
-class Residual:
+class ResidualMapRule:
     """When a map of the missing force is reported.
 
     **Attributes:**
@@ -230,7 +230,7 @@ class CeilingRule:
 
 
 @dataclasses.dataclass(frozen=True)
-class Place:
+class PlaceRule:
     """Which places of the map of the mismatch are reported.
 
     **Attributes:**
@@ -286,15 +286,15 @@ class Rule:
     force), `ceiling` (a free force), `place` (where the mismatch is).
     """
 
-    floor: Floor = Floor()
-    accept: Accept = Accept()
-    rivals: Rivals = Rivals()
-    limits: Limits = Limits()
-    credible: Credible = Credible()
-    testable: Testable = Testable()
-    residual: Residual = Residual()
+    floor: FloorRule = FloorRule()
+    accept: AcceptanceRule = AcceptanceRule()
+    rivals: RivalRule = RivalRule()
+    limits: VerdictRule = VerdictRule()
+    credible: CredibilityRule = CredibilityRule()
+    testable: TestabilityRule = TestabilityRule()
+    residual: ResidualMapRule = ResidualMapRule()
     ceiling: CeilingRule = CeilingRule()
-    place: Place = Place()
+    place: PlaceRule = PlaceRule()
 
     def numbers(self) -> dict[str, float]:
         """Each number by its name, as in `accept.least_share`."""

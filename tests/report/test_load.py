@@ -9,9 +9,9 @@ import pytest
 from helpers_diagnosis import adequate_diagnosis, fake_check, fake_diagnosis, fake_recording
 
 import frictionjax as fj
-from frictionjax.diagnosis.effort import Effort, Screening
+from frictionjax.diagnosis.effort import Effort, ScreeningEffort
 from frictionjax.diagnosis.recording_fit import ClosedLoop, Unmeasured
-from frictionjax.diagnosis.rule import Limits, Rule
+from frictionjax.diagnosis.rule import Rule, VerdictRule
 from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, OtherDecision
 from frictionjax.diagnosis.verdict import Ceiling, MismatchBin, NextExperiment, OneStep, SimulationAsGiven
 from frictionjax.report.save import comparisons_json, verdict_json
@@ -40,8 +40,8 @@ def _full():
         missing=(missing,),
         comparisons=(table,),
         decided=(OtherDecision("input is needed", {"error": 2.5, "error_without_input": math.inf}),),
-        rule=Rule(limits=Limits(one=0.0625)),
-        effort=Effort(rounds=2, screening=Screening(first_forms=4)),
+        rule=Rule(limits=VerdictRule(one=0.0625)),
+        effort=Effort(rounds=2, screening=ScreeningEffort(first_forms=4)),
         unmeasured=Unmeasured(0.1, 0.01, math.nan),
         ceiling=Ceiling(
             0.3,

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from frictionjax.core.arrays import Numbers
-from frictionjax.diagnosis.effort import Backlash, Effort
+from frictionjax.diagnosis.effort import BacklashEffort, Effort
 from frictionjax.diagnosis.evidence.noise_floor import gap_force, predictable
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch
@@ -120,7 +120,7 @@ def heavier(posterior: Posterior, vector: Float[Numbers, " q"], times: float | A
     return np.asarray(new)
 
 
-def _sliding(batch: AbstractBatch, deflection: float, budget: Backlash) -> Float[np.ndarray, " r"]:
+def _sliding(batch: AbstractBatch, deflection: float, budget: BacklashEffort) -> Float[np.ndarray, " r"]:
     """1 for the recordings that slide for a part of their time, else 0."""
     ends = np.asarray(batch.x)[:, :: batch.block]
     travelled = np.abs(np.diff(ends, axis=1, append=ends[:, -1:]))

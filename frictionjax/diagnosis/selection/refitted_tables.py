@@ -41,13 +41,13 @@ class Refits(Protocol):
     """What tests and refits the catalogue: `CandidateRefitter`."""
 
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
-        """As `Candidates.beside`, of the `model` and the `number`."""
+        """As `CandidateRefitter.beside`, of the `model` and the `number`."""
         ...
 
     def related(
         self, model: Model, names: frozenset[str], best: Model | None = None
     ) -> tuple[list[Trial], list[Refitted]]:
-        """As `Candidates.related`, of the `model`, the `names` and the `best`."""
+        """As `CandidateRefitter.related`, of the `model`, the `names` and the `best`."""
         ...
 
 

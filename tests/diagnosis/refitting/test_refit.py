@@ -11,7 +11,7 @@ import pytest
 from helpers_estimation import FINE, NOISE, PLANT, closed_loop, moves, open_loop, stick_noise
 from helpers_plants import effect
 
-from frictionjax.diagnosis.effort import Effort, Refitting
+from frictionjax.diagnosis.effort import Effort, RefittingEffort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
@@ -158,7 +158,7 @@ def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):
     place = next(k for k, free in enumerate(posterior.layout) if free.path == "J")
     away[place] += np.log(30.0)
     astray = descend(posterior, away, graduate=False, steps=0)
-    few = dataclasses.replace(Effort(), refitting=dataclasses.replace(Refitting(), slow_steps=5))
+    few = dataclasses.replace(Effort(), refitting=dataclasses.replace(RefittingEffort(), slow_steps=5))
     slow = with_slow_observer(
         dataclasses.replace(start, effort=few), CandidateDescent(trial, posterior, astray)
     )
@@ -172,7 +172,7 @@ def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):
 
 def _searching(samples):
     """An effort that searches by so many samples of each recording."""
-    return Effort(refitting=dataclasses.replace(Refitting(), searched_samples=samples))
+    return Effort(refitting=dataclasses.replace(RefittingEffort(), searched_samples=samples))
 
 
 def test_the_first_part_of_a_posterior_is_that_of_recordings_cut_short():

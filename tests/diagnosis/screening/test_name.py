@@ -19,7 +19,7 @@ from helpers_estimation import (
 from helpers_plants import effect
 from scipy.stats import binom
 
-from frictionjax.diagnosis.effort import Effort, Screening
+from frictionjax.diagnosis.effort import Effort, ScreeningEffort
 from frictionjax.diagnosis.refitting import shortlist
 from frictionjax.diagnosis.refitting.shortlist import short_list
 from frictionjax.diagnosis.screening.linearised import present_model
@@ -84,7 +84,7 @@ def test_many_tries_of_one_effect_are_paid_for():
 
 
 SIGNIFICANCE = 1e-3
-GAIN = Effort(screening=Screening(least_gain=0.002))
+GAIN = Effort(screening=ScreeningEffort(least_gain=0.002))
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_the_short_list_holds_the_best_of_each_form():
     # d by its linear gain. That of f is larger, but its trajectory was lost.
     assert [(t.effect, t.gain) for t in chosen] == [("a", 0.10), ("b", 0.05), ("e", 0.02), ("d", 0.0001)]
     assert [t.effect for t in short_list(trials, most=2, effort=GAIN)] == ["a", "b", "d"]
-    assert short_list(trials, most=4, effort=Effort(screening=Screening(least_gain=0.2))) == []
+    assert short_list(trials, most=4, effort=Effort(screening=ScreeningEffort(least_gain=0.2))) == []
     assert short_list([], most=4) == []
 
 

@@ -7,7 +7,7 @@ import pytest
 from helpers_selection import Bench, with_effect, world
 
 from frictionjax.core import silent
-from frictionjax.diagnosis.effort import Effort, Screening
+from frictionjax.diagnosis.effort import Effort, ScreeningEffort
 from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
@@ -69,7 +69,7 @@ def test_twins_that_the_others_do_not_separate_are_one_class(two):
 def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_worth_it(two):
     """Of a short list with room for one form; and it ends where a fit of it by itself ends."""
     model, scales = two
-    effort = Effort(screening=Screening(first_forms=1, linear_forms=0, related=0))
+    effort = Effort(screening=ScreeningEffort(first_forms=1, linear_forms=0, related=0))
     others = frozenset(catalogue()) - FORCES
     with ThreadPoolExecutor(2) as executor:
         candidates = CandidateRefitter(
