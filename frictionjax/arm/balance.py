@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 from frictionjax.arm.base_parameters import BaseParameters
 from frictionjax.arm.log import ArmLog
 from frictionjax.arm.rigid_body import RigidBody
-from frictionjax.arm.smoothing import Motion, cut_off, smooth_motion, smoothed, wider
+from frictionjax.arm.smoothing import JointMotion, cut_off, smooth_motion, smoothed, wider
 
 _SPEEDS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0])
 """Of the top speed: between these friction runs on straight lines, closer where a Stribeck effect bends it."""
@@ -80,13 +80,13 @@ class _Equations(eqx.Module):
     block: Int[np.ndarray, " m"]
 
 
-def motion_of(log: ArmLog) -> Motion:
+def motion_of(log: ArmLog) -> JointMotion:
     """The motion behind the positions of a `log`."""
     return smooth_motion(log.q, log.sample_rate, np.array([cut_off(x, log.sample_rate) for x in log.q.T]))
 
 
 def balance(
-    arm: RigidBody, base: BaseParameters, logs: Sequence[ArmLog], motions: Sequence[Motion]
+    arm: RigidBody, base: BaseParameters, logs: Sequence[ArmLog], motions: Sequence[JointMotion]
 ) -> Balance:
     """Base parameters of an `arm`, with the friction of its joints free beside them.
 
@@ -154,7 +154,7 @@ def _equations(
     given: Float[np.ndarray, " b"],
     reach: _Reach,
     log: ArmLog,
-    motion: Motion,
+    motion: JointMotion,
 ) -> _Equations:
     """The equations of a `log`."""
     n, joints = log.q.shape

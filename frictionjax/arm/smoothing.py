@@ -20,7 +20,7 @@ _FEWEST = (
 )
 
 
-class Motion(eqx.Module):
+class JointMotion(eqx.Module):
     """The motion of all joints.
 
     **Attributes:**
@@ -80,7 +80,9 @@ def smoothed(values: Float[np.ndarray, "..."], sample_rate: float, cut: float) -
     return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=reach))
 
 
-def smooth_motion(q: Float[np.ndarray, "n j"], sample_rate: float, cuts: Float[np.ndarray, " j"]) -> Motion:
+def smooth_motion(
+    q: Float[np.ndarray, "n j"], sample_rate: float, cuts: Float[np.ndarray, " j"]
+) -> JointMotion:
     """The motion behind measured positions.
 
     **Arguments:**
@@ -95,4 +97,4 @@ def smooth_motion(q: Float[np.ndarray, "n j"], sample_rate: float, cuts: Float[n
     wide = np.stack([smoothed(x, sample_rate, wider(float(cut), sample_rate)) for x, cut in pairs], axis=1)
     curve = scipy.interpolate.CubicSpline(t, filtered)
     edge = int(np.ceil(_SETTLED * sample_rate / float(np.min(cuts))))
-    return Motion(filtered, np.asarray(curve(t, 1)), np.asarray(curve(t, 2)), wide, cuts, edge)
+    return JointMotion(filtered, np.asarray(curve(t, 1)), np.asarray(curve(t, 2)), wide, cuts, edge)

@@ -12,7 +12,7 @@ from frictionjax.demo.motion import SAMPLE_RATE
 
 
 @dataclass(frozen=True)
-class Experiment:
+class PlannedExperiment:
     """One experiment before it is run.
 
     **Attributes:**
@@ -93,7 +93,7 @@ def _sweep(seconds: float, low: float, high: float, wide: float, narrow: float) 
     return wide * (narrow / wide) ** (t / seconds) * np.sin(phase)
 
 
-def plan(arm: Arm, rng: np.random.Generator) -> tuple[Experiment, ...]:
+def plan(arm: Arm, rng: np.random.Generator) -> tuple[PlannedExperiment, ...]:
     """The eight experiments, designed from a rough knowledge of the break-away torque.
 
     **Arguments:**
@@ -133,17 +133,17 @@ def plan(arm: Arm, rng: np.random.Generator) -> tuple[Experiment, ...]:
     others = [(-0.2, 0.3, 0.35), (0.08, 0.6, 0.25), (0.45, 0.4, 0.35), (-0.04, 0.7, 0.25), (-0.35, 0.45, 0.3)]
     others += [(0.15, 1.0, 0.3), (0.01, 0.3, 0.3)]
     return (
-        Experiment("noise_small", "fit", "open", 0.12 * volt * _binary_noise(rng, 6.0)),
-        Experiment("noise_large", "fit", "open", 0.35 * volt * _gaussian_noise(rng, 6.0)),
-        Experiment("breakaway", "fit", "open", volt * _polyline(6.0, ramps)),
-        Experiment("stick_sine", "fit", "open", volt * _sines(sines)),
-        Experiment("moves", "fit", "closed", _moves(6.0, moves)),
-        Experiment("sweep", "fit", "closed", _sweep(6.0, 0.4, 6.0, 0.25, 0.04)),
-        Experiment(
+        PlannedExperiment("noise_small", "fit", "open", 0.12 * volt * _binary_noise(rng, 6.0)),
+        PlannedExperiment("noise_large", "fit", "open", 0.35 * volt * _gaussian_noise(rng, 6.0)),
+        PlannedExperiment("breakaway", "fit", "open", volt * _polyline(6.0, ramps)),
+        PlannedExperiment("stick_sine", "fit", "open", volt * _sines(sines)),
+        PlannedExperiment("moves", "fit", "closed", _moves(6.0, moves)),
+        PlannedExperiment("sweep", "fit", "closed", _sweep(6.0, 0.4, 6.0, 0.25, 0.04)),
+        PlannedExperiment(
             "holdout_stick",
             "holdout",
             "open",
             volt * np.concatenate([loops, _sines([(2.5, 0.6, 2), (1.6, 0.8, 2)])]),
         ),
-        Experiment("holdout_moves", "holdout", "closed", _moves(6.0, others)),
+        PlannedExperiment("holdout_moves", "holdout", "closed", _moves(6.0, others)),
     )

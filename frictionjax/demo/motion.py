@@ -15,8 +15,8 @@ SUBSTITUTIONS = 3
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The motion in `lanes` experiments side by side.
+class SimulatedMotion:
+    """The simulated motion in `lanes` experiments side by side.
 
     **Attributes:**
 
@@ -130,7 +130,7 @@ def move(
     kp: Real[ArrayLike, " lanes"] | None = None,
     kd: Real[ArrayLike, " lanes"] | None = None,
     substeps: int = 20,
-) -> Motion:
+) -> SimulatedMotion:
     """Run experiments side by side, each from rest, from zero position and from unloaded friction.
 
     The equation of motion is `J x'' = motor_constant u - friction`, with
@@ -145,7 +145,7 @@ def move(
     - `kp`, `kd`: gains of the controller, V/rad and V*s/rad, shape `(lanes,)`; zero, an open loop, if left out.
     - `substeps`: internal steps per sample of 0.5 ms; 20 make 40 kHz.
 
-    **Returns:** the `Motion`.
+    **Returns:** the `SimulatedMotion`.
 
     **Raises:** `RuntimeError` when JAX computes in float32.
     """
@@ -167,4 +167,4 @@ def move(
         open_loop if kd is None else jnp.asarray(kd, jnp.float64),
         substeps,
     )
-    return Motion(*(np.asarray(part) for part in out))
+    return SimulatedMotion(*(np.asarray(part) for part in out))

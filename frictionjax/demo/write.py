@@ -9,14 +9,14 @@ from jaxtyping import Float
 
 from frictionjax.core.progress import Progress, silent
 from frictionjax.demo.arm import Arm, draw_arm
-from frictionjax.demo.experiments import Experiment, plan
+from frictionjax.demo.experiments import PlannedExperiment, plan
 from frictionjax.demo.motion import SAMPLE_RATE, move
 
 PAUSE = 10.0  # s between recordings, for the clock that they share
 
 
 def _run(
-    arm: Arm, experiments: tuple[Experiment, ...], rng: np.random.Generator
+    arm: Arm, experiments: tuple[PlannedExperiment, ...], rng: np.random.Generator
 ) -> list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
     """Voltage and measured position of each experiment; all are run side by side and cut to their own lengths."""
     n = max(e.signal.size for e in experiments)
@@ -49,7 +49,7 @@ def _csv(u: Float[np.ndarray, " n"], x: Float[np.ndarray, " n"]) -> str:
     return "t,u,x\n" + "".join(f"{t:.4f},{volt:.9g},{position:.10g}\n" for t, volt, position in rows)
 
 
-def _toml(name: str, arm: Arm, experiments: tuple[Experiment, ...]) -> str:
+def _toml(name: str, arm: Arm, experiments: tuple[PlannedExperiment, ...]) -> str:
     lines = [
         f'name = "{name}"',
         "",

@@ -20,7 +20,7 @@ _BESIDE, _LETTER = 5, 7.2  # widths: between a bar and its number, of a letter o
 _MOST_TICKS = 7
 
 
-class Group(eqx.Module):
+class BarGroup(eqx.Module):
     """Bars that belong together: the words above them, and `(css class, words, value)` of each; a value that is not
     finite, or is not positive, has a dash and no bar."""
 
@@ -37,7 +37,7 @@ class Bars(eqx.Module):
 
     name: str = eqx.field(static=True)
     unit: str | DisplayUnit = eqx.field(static=True)
-    groups: tuple[Group, ...]
+    groups: tuple[BarGroup, ...]
     floor: float = eqx.field(static=True)
 
 

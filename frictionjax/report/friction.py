@@ -13,7 +13,7 @@ from frictionjax.physics.effects import catalogue
 from frictionjax.recordings.words import shown
 from frictionjax.report.chart import Chart, Panel, Series
 from frictionjax.report.format import engineering
-from frictionjax.report.motion import Motion, bristle_bend
+from frictionjax.report.motion import PlottedMotion, bristle_bend
 from frictionjax.report.series import limits
 
 _BINS = 28
@@ -26,13 +26,13 @@ class Variable(NamedTuple):
     """What the residual force is drawn over.
 
     **Attributes:** `label`, `unit` (with `{position}` and `{input}` for those of the case), its `values` for one
-    `Motion` (NaN where it has none), `opposing` (whether the force is counted against the motion, as friction is),
-    `logarithmic` (whether the axis shows decades).
+    `PlottedMotion` (NaN where it has none), `opposing` (whether the force is counted against the motion, as friction
+    is), `logarithmic` (whether the axis shows decades).
     """
 
     label: str
     unit: str
-    values: Callable[[Motion], Float[np.ndarray, " n"]]
+    values: Callable[[PlottedMotion], Float[np.ndarray, " n"]]
     opposing: bool = False
     logarithmic: bool = False
 
@@ -61,7 +61,7 @@ VARIABLES = {
 """By the names that effects have for where they show (`AbstractEffect.along`); "frequency" is a spectrum."""
 
 
-def over_velocity(diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool) -> Chart | None:
+def over_velocity(diagnosis: Diagnosis, motions: Sequence[PlottedMotion], extended: bool) -> Chart | None:
     """Friction in sliding over the speed, each direction in a panel: medians of measured, base and extended model.
 
     **Arguments:** `diagnosis`, its `motions`, and whether there is an `extended` model.
@@ -104,7 +104,7 @@ def over_velocity(diagnosis: Diagnosis, motions: Sequence[Motion], extended: boo
     return Chart("speed", f"{label}/s", tuple(panels), (factor * low, factor * high), logarithmic=True)
 
 
-def over_displacement(diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool) -> Chart | None:
+def over_displacement(diagnosis: Diagnosis, motions: Sequence[PlottedMotion], extended: bool) -> Chart | None:
     """Friction over displacement along the presliding loops that the extended model improves most.
 
     **Arguments:** `diagnosis`, its `motions`, and whether there is an `extended` model.
@@ -154,7 +154,7 @@ def over_displacement(diagnosis: Diagnosis, motions: Sequence[Motion], extended:
 
 
 def where_it_acts(
-    effect: str, diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool
+    effect: str, diagnosis: Diagnosis, motions: Sequence[PlottedMotion], extended: bool
 ) -> Chart | None:
     """The residual force over the variable along which an effect shows, in bins.
 
@@ -238,10 +238,10 @@ def _binned(
     return Chart(label, unit, tuple(panels), ends, logarithmic=variable.logarithmic)
 
 
-def _spectrum(diagnosis: Diagnosis, motions: Sequence[Motion], extended: bool) -> Chart | None:
+def _spectrum(diagnosis: Diagnosis, motions: Sequence[PlottedMotion], extended: bool) -> Chart | None:
     """Amplitude density of the residual force, of the recording that the extended model improves most."""
 
-    def drop(one: Motion) -> float:
+    def drop(one: PlottedMotion) -> float:
         after = float(np.nanmean(np.square(one.lacks_extended))) if extended else 0.0
         return float(np.nanmean(np.square(one.lacks_base))) - after
 
@@ -301,6 +301,6 @@ def _medians(
     return middle[0], middle[1]
 
 
-def _turns(one: Motion) -> Int[np.ndarray, " k"]:
+def _turns(one: PlottedMotion) -> Int[np.ndarray, " k"]:
     """Samples at which the motion reverses."""
     return np.flatnonzero(one.travel[1:] < one.travel[:-1]) + 1

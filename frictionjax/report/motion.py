@@ -19,8 +19,8 @@ _SIGNIFICANT = 4.0  # standard deviations of its noise above which a velocity is
 _BENDS = 10.0  # deflections at break-away after which LuGre's bristle has its steady state
 
 
-class Motion(eqx.Module):
-    """One recording, arrays of shape `(n,)`.
+class PlottedMotion(eqx.Module):
+    """The motion in one recording, as the report plots it: arrays of shape `(n,)`.
 
     **Attributes:** `name`; `t` (s), `u` (input units), `x`, `v` (position units, per s); the friction force as
     `measured`, of the `base` and of the `extended` model (force units: what of the applied force does not accelerate
@@ -55,7 +55,7 @@ class Motion(eqx.Module):
         return np.where(self.rests, 0.0, np.sign(self.v))
 
 
-def motions_of(diagnosis: Diagnosis) -> tuple[Motion, ...]:
+def motions_of(diagnosis: Diagnosis) -> tuple[PlottedMotion, ...]:
     """The recordings of a `diagnosis` that are long enough to be smoothed, in its order."""
     long = [one for one in diagnosis.recordings if one.t.size > _LEAST and one.t[-1] > one.t[0]]
     return tuple(_motion(one, diagnosis.plant, diagnosis.base) for one in long)
@@ -71,7 +71,7 @@ def bristle_bend(base: Mapping[str, Estimate]) -> float:
     return base["Fs"].value / base["sigma0"].value
 
 
-def _motion(recording: RecordingFit, plant: Plant, base: Mapping[str, Estimate]) -> Motion:
+def _motion(recording: RecordingFit, plant: Plant, base: Mapping[str, Estimate]) -> PlottedMotion:
     t, rate = recording.t, (recording.t.size - 1) / float(recording.t[-1] - recording.t[0])
     constant = plant.motor_constant or 1.0
     smooth = smooth_motion(Recording(recording.name, rate, recording.u, recording.x), constant)
@@ -87,7 +87,7 @@ def _motion(recording: RecordingFit, plant: Plant, base: Mapping[str, Estimate])
     travel = np.where(np.isfinite(travel), travel, np.abs(smooth.x - smooth.x[0]))
     rest, rests = last_rest(smooth.v, slow, 1.0 / rate)
     far = _BENDS * bristle_bend(base)
-    return Motion(
+    return PlottedMotion(
         recording.name,
         t,
         recording.u,

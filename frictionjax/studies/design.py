@@ -34,7 +34,7 @@ class AbstractDesign(abc.ABC):
         """Name and length of each dimension of the result; the cases lie in it, the last dimension fastest."""
 
     @abc.abstractmethod
-    def table(self) -> "AbstractTable":
+    def table(self) -> "AbstractCaseTable":
         """The cases as a table of values."""
 
     def streams(self, places: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -52,7 +52,7 @@ class AbstractDesign(abc.ABC):
         return {"kind": type(self).__name__, "axes": [axis.described() for axis in self.axes], **rest}
 
 
-class AbstractTable(abc.ABC):
+class AbstractCaseTable(abc.ABC):
     """The values of every case of a design."""
 
     @abc.abstractmethod
@@ -104,7 +104,7 @@ class Factorial(AbstractDesign):
 
 
 @dataclasses.dataclass(frozen=True)
-class GridTable(AbstractTable):
+class GridTable(AbstractCaseTable):
     """The combinations of `levels`, (name, values) of each axis, with so many `repeats`."""
 
     levels: tuple[tuple[str, Shaped[np.ndarray, " _"]], ...]
@@ -124,7 +124,7 @@ class GridTable(AbstractTable):
 
 
 @dataclasses.dataclass(frozen=True)
-class CaseTable(AbstractTable):
+class CaseTable(AbstractCaseTable):
     """The `values` of each case by the name of the axis, shape `(n,)` each."""
 
     values: Columns

@@ -16,7 +16,14 @@ from frictionjax.core.compile_time import CompileClock
 from frictionjax.excitation import prbs, ramp
 from frictionjax.frequency import estimate_frf
 from frictionjax.studies.gauss_newton import inverse
-from frictionjax.studies.lugre_fit import APPROACH, Fitted, Records, equations, fit_positions, positions
+from frictionjax.studies.lugre_fit import (
+    APPROACH,
+    LeastSquaresFits,
+    Records,
+    equations,
+    fit_positions,
+    positions,
+)
 from frictionjax.studies.response_fit import Band, fit_response
 
 NOISE_RATE, NOISE_SAMPLES, SEGMENT = 2000.0, 4096, 1024
@@ -123,7 +130,7 @@ def reported(theta: Float[Array, " 7"]) -> Float[Array, " 7"]:
 
 
 @jax.jit
-def _read(fit: Fitted) -> tuple[Estimates, Float[Array, "lanes 7"]]:
+def _read(fit: LeastSquaresFits) -> tuple[Estimates, Float[Array, "lanes 7"]]:
     def one(
         theta: Float[Array, " 7"], covariance: Float[Array, "7 7"]
     ) -> tuple[Float[Array, " 7"], Float[Array, " 7"]]:

@@ -37,7 +37,7 @@ class Records(NamedTuple):
     dt: Float[Array, ""]
 
 
-class Fitted(NamedTuple):
+class LeastSquaresFits(NamedTuple):
     """Least-squares fits.
 
     **Attributes:**
@@ -102,7 +102,7 @@ def equations(
 
 def fit_positions(
     theta: Float[Numbers, "lanes 7"], records: Sequence[Records], relative: Sequence[float]
-) -> Fitted:
+) -> LeastSquaresFits:
     """Least squares from `theta` on all `records` together, one step for each entry of `relative`.
 
     The machine moves by micrometres before break-away and by centimetres after it. In the first steps, the
@@ -140,9 +140,9 @@ def _finish(
     gradient: Float[Array, "lanes 7"],
     noise: Float[Array, " lanes"],
     count: int | Int[Array, ""],
-) -> Fitted:
+) -> LeastSquaresFits:
     freedom = (count - theta.shape[1]) * jnp.ones(())
     excess = cost / freedom
     left = jnp.sum(gradient * jax.vmap(step)(normal, gradient), axis=1)
     covariance = excess[:, None, None] * jax.vmap(inverse)(normal)
-    return Fitted(theta, covariance, excess * noise**2, left < ENOUGH * excess)
+    return LeastSquaresFits(theta, covariance, excess * noise**2, left < ENOUGH * excess)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int
 
 from frictionjax.core import InputError
 from frictionjax.core.json import plain_json
-from frictionjax.studies.design import AbstractDesign, AbstractTable, digest
+from frictionjax.studies.design import AbstractCaseTable, AbstractDesign, digest
 from frictionjax.studies.task import AbstractTask, Block, as_task
 
 FORMAT = 1
@@ -76,7 +76,7 @@ class Blocks:
 
     def __init__(self, study: Study) -> None:
         self._study = study
-        self._table: AbstractTable = study.design.table()
+        self._table: AbstractCaseTable = study.design.table()
         self._lanes = study.task.lanes
         texts = [axis.name for axis in study.design.axes if axis.values and isinstance(axis.values[0], str)]
         self._order: Int[np.ndarray, " n"] | None = None

@@ -9,9 +9,9 @@ from helpers_diagnosis import fake_diagnosis, fake_recording
 
 from frictionjax.diagnosis.recording_fit import Horizon
 from frictionjax.diagnosis.verdict import Ceiling, OneStep, Unexplained
-from frictionjax.report.bars import Bars, Group, bars_svg
+from frictionjax.report.bars import BarGroup, Bars, bars_svg
 from frictionjax.report.page import render
-from frictionjax.report.sections.ceiling import Ceilings, bars_of
+from frictionjax.report.sections.ceiling import CeilingsSection, bars_of
 
 STEPS = OneStep("kept", 6.0, 2.0, 1.1)
 CEILING = Ceiling(0.3, 0.1, 0.7, 0.6, 8.0, 0.025, 0.05, 0.02, "velocity", True, (STEPS,))
@@ -73,12 +73,14 @@ def test_bars_are_as_long_as_the_logarithm_and_the_text_beside_them_fits():
 
 
 def test_numbers_that_cannot_be_drawn_have_a_dash_and_no_bar():
-    group = Group("one step ahead", (("base", "base model", math.inf), ("extended", "extended model", 2e-6)))
+    group = BarGroup(
+        "one step ahead", (("base", "base model", math.inf), ("extended", "extended model", 2e-6))
+    )
     bars = _bars(str(bars_svg(Bars("error", "m", (group,), 0.0), "words")))
     assert [bar[1] for bar in bars] == ["base model: –", "extended model: 2.00 µm"]
     assert bars[0][0] == 0.0 < bars[1][0]
     empty = str(
-        bars_svg(Bars("error", "1", (Group("none", (("base", "base model", math.nan),)),), math.nan), "w")
+        bars_svg(Bars("error", "1", (BarGroup("none", (("base", "base model", math.nan),)),), math.nan), "w")
     )
     assert "noise floor" not in empty and ">error<" in empty
 
@@ -87,7 +89,7 @@ def test_the_section_says_whether_a_free_force_is_better_and_is_empty_where_none
     page = render(_found())
     assert "What any force could explain" in page and "extended model and a free force" in page
     assert "A force that is free in velocity predicts the held-out recordings significantly better" in page
-    below = str(Ceilings().body(replace(_found(), ceiling=replace(CEILING, above=False))))
+    below = str(CeilingsSection().body(replace(_found(), ceiling=replace(CEILING, above=False))))
     assert (
         "No free force predicts the held-out recordings significantly better than the extended model" in below
     )
@@ -96,7 +98,7 @@ def test_the_section_says_whether_a_free_force_is_better_and_is_empty_where_none
         replace(CEILING, recordings=()),
         replace(CEILING, recordings=(replace(STEPS, recording="x"),)),
     ):
-        assert str(Ceilings().body(replace(_found(), ceiling=ceiling))) == ""
+        assert str(CeilingsSection().body(replace(_found(), ceiling=ceiling))) == ""
     rest = Unexplained(True, 1.0, "sliding")
     nameless = replace(_found(), verdict="adequate", missing=(), unexplained=rest)
-    assert "extended" not in str(Ceilings().body(nameless))
+    assert "extended" not in str(CeilingsSection().body(nameless))

@@ -124,6 +124,6 @@ def test_every_variable_of_the_catalogue_can_be_drawn():
 
 
 def _page(diagnosis):
-    from frictionjax.report.sections.friction import Friction
+    from frictionjax.report.sections.friction import FrictionSection
 
-    return str(Friction().body(diagnosis))
+    return str(FrictionSection().body(diagnosis))

@@ -16,10 +16,10 @@ from frictionjax.recordings import Plant
 from frictionjax.report.figures import comparison
 from frictionjax.report.format import quantity
 from frictionjax.report.page import render
-from frictionjax.report.sections.candidates import Candidates
-from frictionjax.report.sections.mismatch import Mismatch
-from frictionjax.report.sections.missing import Missing
-from frictionjax.report.sections.parameters import Parameters
+from frictionjax.report.sections.candidates import CandidatesSection
+from frictionjax.report.sections.mismatch import MismatchSection
+from frictionjax.report.sections.missing import MissingSection
+from frictionjax.report.sections.parameters import ParametersSection
 
 MAP_WITHOUT_LEVELS = (MismatchBin("regime", "sliding", 1.0, 3.0),)
 VOID = {"meta", "br", "line", "circle", "rect", "link", "path"}
@@ -175,17 +175,19 @@ def test_the_user_s_simulation_has_a_line_a_sentence_and_a_map_of_its_own():
 
 def test_bins_that_are_not_significant_are_grey(page):
     """Only those whose p-value, corrected for the whole map, is known to be no less than 5 %."""
-    body = Mismatch().body(fake_diagnosis(n=600))
+    body = MismatchSection().body(fake_diagnosis(n=600))
     grey = [row for row in body.split("<tr ") if row.startswith('class="chance"')]
     assert len(grey) == 1
     assert "after rests below 10 ms" in grey[0]
     assert "Grey bins are not significant (family-wise p > 0.05)." in page.visible
-    assert "Grey bins" not in Mismatch().body(replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS))
+    assert "Grey bins" not in MismatchSection().body(
+        replace(fake_diagnosis(n=600), mismatch=MAP_WITHOUT_LEVELS)
+    )
 
 
 def test_the_part_with_the_excess_is_said(page):
     assert "Only after rests longer than 0.3 s : in presliding, this part has 97 %" in page.visible
-    assert '<ul class="within">' not in Mismatch().body(replace(fake_diagnosis(n=600), within=()))
+    assert '<ul class="within">' not in MismatchSection().body(replace(fake_diagnosis(n=600), within=()))
 
 
 def test_text_of_users_is_escaped():
@@ -204,7 +206,7 @@ def test_text_of_users_is_escaped():
 
 def test_unexplained_physics_is_said():
     unexplained = Unexplained(True, 0.43, "sliding at one spot of the stroke")
-    body = Missing().body(replace(fake_diagnosis(), unexplained=unexplained))
+    body = MissingSection().body(replace(fake_diagnosis(), unexplained=unexplained))
     assert "43 %" in body
     assert "one spot of the stroke" in body
     page = Page(render(replace(fake_diagnosis(n=600), verdict="unknown", unexplained=unexplained)))
@@ -221,14 +223,14 @@ def test_the_place_of_the_mismatch_is_above_the_card_and_of_several_effects_on_e
     (first,) = diagnosis.missing
     places = {"effect": "creep", "effect_class": ("creep",), "where": "stick (90 % of what it explains)"}
     second = replace(first, p_value=3e-5, **places)
-    one = Page(Missing().body(diagnosis)).visible
+    one = Page(MissingSection().body(diagnosis)).visible
     assert one.startswith(
         "Where the base model fails: presliding, first 20 um after a reversal. Maxwell slip"
     )
     assert "98 % (p = 10⁻¹² for the model without it)" in one
     assert "experiment that would distinguish them nested triangles" in one
     assert "one at a time" not in one
-    both = Page(Missing().body(replace(diagnosis, missing=(first, second)))).visible
+    both = Page(MissingSection().body(replace(diagnosis, missing=(first, second)))).visible
     for place in ("presliding, first 20 um after a reversal", "stick (90 % of what it explains)"):
         assert both.count(f"errors that it explains {place}") == 1
     assert "with the effects that were found before it" in both
@@ -236,7 +238,7 @@ def test_the_place_of_the_mismatch_is_above_the_card_and_of_several_effects_on_e
 
 
 def test_candidates_are_sorted_and_say_why():
-    page = Page(Candidates().body(fake_diagnosis(n=10)))
+    page = Page(CandidatesSection().body(fake_diagnosis(n=10)))
     order = [page.visible.index(name) for name in ("maxwell slip named", "creep", "backlash not tested")]
     assert order == sorted(order)
     assert "share 0.400" in page.visible
@@ -244,7 +246,7 @@ def test_candidates_are_sorted_and_say_why():
 
 
 def test_a_parameter_that_the_data_do_not_determine_is_said_in_words():
-    body = Page(Parameters().body(fake_diagnosis(n=10))).visible
+    body = Page(ParametersSection().body(fake_diagnosis(n=10))).visible
     assert "not determined by these recordings" in body
     assert "1814.0 ± 1.9" in body
     assert "−11 %" in body

@@ -16,11 +16,11 @@ from frictionjax.diagnosis.recording_fit import ClosedLoop, Horizon, Unmeasured
 from frictionjax.diagnosis.verdict import Candidate, Ceiling, MismatchBin, MissingEffect, Unexplained
 from frictionjax.physics.effects import catalogue
 from frictionjax.report.meanings import meaning_of, with_amplitudes
-from frictionjax.report.sections.closed_loop import InClosedLoop
-from frictionjax.report.sections.headline import Headline, limiting
-from frictionjax.report.sections.horizons import Horizons
-from frictionjax.report.sections.missing import Missing
-from frictionjax.report.sections.record import Record
+from frictionjax.report.sections.closed_loop import ClosedLoopSection
+from frictionjax.report.sections.headline import HeadlineSection, limiting
+from frictionjax.report.sections.horizons import HorizonsSection
+from frictionjax.report.sections.missing import MissingSection
+from frictionjax.report.sections.record import RecordSection
 from frictionjax.report.sentences import badge, improvement, next_step, remainder
 from frictionjax.report.terminal import summary_lines
 
@@ -116,7 +116,7 @@ def test_badge_sentence_and_cards_say_how_far_from_the_noise_the_model_is(verdic
     largest = "118 × noise floor" if verdict == "named" else "900 × noise floor"
     assert badge(found).endswith(f"; 0.1 s ahead, the held-out error is up to {largest}")
     assert f"up to {largest})" in improvement(found)
-    body = str(Headline().body(found))
+    body = str(HeadlineSection().body(found))
     assert f"{largest} (100 nrad)" in body  # on the card of that recording
     said = f"{badge(found)} {improvement(found)} {body}".lower()
     assert not re.search(r"identified and modelled|explains? \S+ ?\S* to the noise|at the noise", said)
@@ -132,7 +132,7 @@ def test_warnings_that_change_the_reading_stand_at_the_top():
     general = "Not identifiable from these recordings: vs of the base model."
     found = replace(found, warnings=(of_a_file, general))
     assert limiting(found) == [general]
-    top, record = str(Headline().body(found)), str(Record().body(found))
+    top, record = str(HeadlineSection().body(found)), str(RecordSection().body(found))
     assert general in top and of_a_file not in top
     assert general in record and of_a_file in record
     untested = (Candidate("creep", math.nan, {}, False, ""),)
@@ -141,7 +141,7 @@ def test_warnings_that_change_the_reading_stand_at_the_top():
 
 
 def test_compilation_is_said_beside_the_total_not_above_it():
-    body = str(Record().body(fake_diagnosis(n=10)))
+    body = str(RecordSection().body(fake_diagnosis(n=10)))
     assert "compiled programs for 9.00 s" in body
     assert body.index("total") < body.index("compiled programs for")
 
@@ -185,7 +185,7 @@ def test_a_card_shows_what_the_parameters_mean():
     ripple = MissingEffect(
         "ripple", ("ripple",), 0.9, 1e-9, sizes | {"period": Estimate(0.2, 1e-3, "rad")}, ""
     )
-    body = str(Missing().body(replace(fake_diagnosis(n=10), missing=(ripple,))))
+    body = str(MissingSection().body(replace(fake_diagnosis(n=10), missing=(ripple,))))
     assert "0.0500 ± 0.0010 N·m (amplitude of the wave)" in body
     assert "deg (phase of the wave" in body
     assert "km u - F - sine sin(2 pi x/period)" in body
@@ -202,7 +202,7 @@ def test_each_horizon_has_its_column_and_each_recording_its_own():
         fake_recording(n=40), name="short", horizons=(longer[0], Horizon(0.15, 7e-6, 4e-6, 1e-3))
     )
     pushed = replace(fake_recording(n=40, drive="motion"), name="pushed", unmeasured_base=None)
-    page = str(Horizons().body(_alone(recordings=(first, second, pushed))))
+    page = str(HorizonsSection().body(_alone(recordings=(first, second, pushed))))
     rows = re.findall(r"<tr>(.*?)</tr>", page, re.S)
     found = [re.findall(r"<t[hd].*?</t[hd]>", row, re.S) for row in rows]
     head, *cells = ([re.sub(r"\s*<[^>]+>\s*", " ", cell).split() for cell in row] for row in found)
@@ -219,16 +219,16 @@ def test_each_horizon_has_its_column_and_each_recording_its_own():
 def test_the_closed_loop_has_a_table_where_there_is_a_controller():
     closed = ClosedLoop(2e-3, 3e-5, 0.5, 0.25, given=4e-3, input_given=0.75, law=0.62)
     under = replace(fake_recording(n=40), name="servo", closed_loop=closed)
-    page = str(InClosedLoop().body(_alone(recordings=(under, replace(fake_recording(n=40), name="open")))))
+    page = str(ClosedLoopSection().body(_alone(recordings=(under, replace(fake_recording(n=40), name="open")))))
     text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
     assert "position input position, your model as given" in text
     assert "servo 2.00 mrad → 0.0300 mrad 500 mV → 250 mV 4.00 mrad 750 mV" in text
     assert " open " not in text
     assert "its gains make 62 % in servo out of the recorded reference" in text
     blind = replace(under, closed_loop=replace(closed, law=None, given=None, input_given=None))
-    page = str(InClosedLoop().body(_alone(recordings=(blind,))))
+    page = str(ClosedLoopSection().body(_alone(recordings=(blind,))))
     assert "as given" not in page and "out of the recorded reference" not in page
-    assert not InClosedLoop().body(_alone(recordings=(fake_recording(n=40),)))
+    assert not ClosedLoopSection().body(_alone(recordings=(fake_recording(n=40),)))
 
 
 def _brackets(text):
@@ -276,7 +276,7 @@ def test_no_sentence_has_brackets_in_a_row_or_inside_each_other():
         said = [found.summary, title, *found._display().sentences, improvement(found), next_step(found)]
         said += [remainder(found), badge(found), *summary_lines(found)]
         said += [found.explain(one.effect) for one in found.candidates]
-        page = re.sub(r"<[^>]+>", " ", str(Headline().body(found)) + str(Missing().body(found)))
+        page = re.sub(r"<[^>]+>", " ", str(HeadlineSection().body(found)) + str(MissingSection().body(found)))
         said += [line for line in page.split("\n") if "code" not in line]
         assert [wrong for sentence in said for wrong in _brackets(unescape(sentence))] == []
 

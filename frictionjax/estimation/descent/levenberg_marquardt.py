@@ -140,7 +140,7 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
             sound = jnp.all(jnp.isfinite(step))
             return step, optx.RESULTS.where(sound, optx.RESULTS.successful, optx.RESULTS.nonfinite)
 
-    class Judgement(optx.AbstractSearch):
+    class StepSearch(optx.AbstractSearch):
         """What `stepper` makes of each step."""
 
         def init(self, y: Float[Numbers, " q"], f_info_struct: Any) -> Course:
@@ -175,7 +175,7 @@ def _solver(stepper: Stepper, tolerance: float) -> Any:
         atol: float = 1.0
         norm: Callable = optx.max_norm
         descent: Steps = Steps()
-        search: Judgement = Judgement()
+        search: StepSearch = StepSearch()
         verbose: Callable = _silent
 
         def terminate(

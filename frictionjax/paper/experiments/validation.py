@@ -24,7 +24,7 @@ SINES = {"small": (20.0, 0.01, 10), "large": (0.5, 0.035, 3)}
 """Frequency (Hz), amplitude (V) and periods of the two sines of Fig. 6; numbers of periods are ours."""
 
 
-class Response(eqx.Module):
+class ValidationResponse(eqx.Module):
     """One experiment, measured and predicted.
 
     **Attributes:**
@@ -64,9 +64,9 @@ class Validation(eqx.Module):
     twin: Twin
     drive: Drive
     drive_extrapolated: Drive
-    ramp: Response
-    small: Response
-    large: Response
+    ramp: ValidationResponse
+    small: ValidationResponse
+    large: ValidationResponse
     ramp_ratio: Float[np.ndarray, " parts"]
     ramp_ratio_extrapolated: Float[np.ndarray, " parts"]
     peak: dict[str, tuple[float, float, float]] = eqx.field(static=True)
@@ -115,7 +115,7 @@ def validate(identified: Sequence[Identified], *, progress: Progress = silent) -
             one,
             (models[i], models[count + i]),
             {
-                name: Response(
+                name: ValidationResponse(
                     t=np.arange(u.size) / SAMPLE_RATE,
                     u=u,
                     measured=runs[name][:, i],
@@ -134,7 +134,9 @@ def _predict(drives: Drive, u: Float[Array, " n"]) -> Float[Array, "models n"]:
     return jax.vmap(lambda drive: simulate(drive, u, SAMPLE_RATE).x)(drives)
 
 
-def _validation(one: Identified, models: tuple[Drive, Drive], responses: dict[str, Response]) -> Validation:
+def _validation(
+    one: Identified, models: tuple[Drive, Drive], responses: dict[str, ValidationResponse]
+) -> Validation:
     twin = one.twin
     ramp = responses["ramp"]
     ratios = np.array([_on_the_ramp(ramp, part * twin.static_voltage) for part in PARTS])
@@ -167,7 +169,7 @@ def _drive(twin: Twin, fit: SKResult, stiffness: float) -> Drive:
     return Drive(fit.J.value, friction, twin.motor_constant)
 
 
-def _on_the_ramp(ramp: Response, volt: float) -> tuple[float, float]:
+def _on_the_ramp(ramp: ValidationResponse, volt: float) -> tuple[float, float]:
     """Measured over both predicted displacements where the ramp passes `volt`, averaged over 10 ms."""
     at = int(volt / RAMP * SAMPLE_RATE)
     near = slice(at - 50, at + 51)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from frictionjax.paper.experiments import PARTS, RAMP, SINES, Validation
-from frictionjax.paper.experiments.validation import Response
+from frictionjax.paper.experiments.validation import ValidationResponse
 from frictionjax.paper.figures.sheet import BETTER, PAPER, TWIN, legend, sheet, thin
 
 _COLOURS = (TWIN, PAPER, BETTER)
@@ -78,7 +78,7 @@ def fig6(found: Sequence[Validation]) -> Figure:
     return figure
 
 
-def _curves(response: Response) -> Iterator[tuple[Float[np.ndarray, " n"], dict[str, Any]]]:
+def _curves(response: ValidationResponse) -> Iterator[tuple[Float[np.ndarray, " n"], dict[str, Any]]]:
     """Each curve of a response and how it is drawn."""
     curves = (response.measured, response.paper, response.extrapolated)
     for x, colour, label, width in zip(curves, _COLOURS, _LABELS, (1.6, 1.1, 1.1), strict=True):

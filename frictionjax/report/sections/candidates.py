@@ -21,7 +21,7 @@ _INTRO = (
 _HEAD = ("effect", "p", "one step", "gain on fit", "gain held out", "detectable", "outcome")
 
 
-class Candidates(AbstractSection):
+class CandidatesSection(AbstractSection):
     """One row for each effect, smallest p-value first; those that could not be tested last, with the reason."""
 
     title: ClassVar[str] = "Candidates"

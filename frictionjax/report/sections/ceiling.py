@@ -7,7 +7,7 @@ from markupsafe import Markup
 from frictionjax.diagnosis.findings.summary import free_sentence
 from frictionjax.diagnosis.recording_fit import Horizon, RecordingFit
 from frictionjax.diagnosis.verdict import Diagnosis, OneStep
-from frictionjax.report.bars import Bars, Group
+from frictionjax.report.bars import BarGroup, Bars
 from frictionjax.report.figures import answer_of
 from frictionjax.report.format import number
 from frictionjax.report.html import figure, legend
@@ -32,7 +32,7 @@ _FREE = "{} model and a free force"
 _LONG = 1.5  # times 0.1 s: from here on a horizon is another one than that of 0.1 s
 
 
-class Ceilings(AbstractSection):
+class CeilingsSection(AbstractSection):
     """A sentence on the free force, and bars for each held-out recording; empty where no force was tried."""
 
     title: ClassVar[str] = "What any force could explain"
@@ -67,13 +67,13 @@ def bars_of(one: OneStep, fit: RecordingFit, diagnosis: Diagnosis, extended: boo
     free = ("free", _FREE.format("extended" if extended else "base"), one.free * fit.noise_floor)
     steps = models(one.base * fit.noise_floor, one.model * fit.noise_floor)
     groups = [
-        Group("one step ahead, robust rms", (*steps, free)),
-        Group("0.1 s ahead, rms", models(fit.prediction_rmse_base, fit.prediction_rmse_extended)),
+        BarGroup("one step ahead, robust rms", (*steps, free)),
+        BarGroup("0.1 s ahead, rms", models(fit.prediction_rmse_base, fit.prediction_rmse_extended)),
     ]
     longest = _longest(fit, extended)
     if longest is not None:
         title = f"{number(longest.seconds, 2)} s ahead, rms (the longest that is better than standstill)"
-        groups.append(Group(title, models(longest.base, longest.extended)))
+        groups.append(BarGroup(title, models(longest.base, longest.extended)))
     return Bars("error", unit, tuple(groups), fit.noise_floor)
 
 

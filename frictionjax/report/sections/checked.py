@@ -23,7 +23,7 @@ _ALONE = "All of them are the base model alone. "
 _HEAD = ("what acts", "what is said", "machines", "right")
 
 
-class Checked(AbstractSection):
+class CheckedSection(AbstractSection):
     """A sentence for each name; then one row for each thing that was said of each machine. Empty without a check."""
 
     title: ClassVar[str] = "On data like yours"

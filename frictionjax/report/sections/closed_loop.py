@@ -20,7 +20,7 @@ _ERRORS = (
 )
 
 
-class InClosedLoop(AbstractSection):
+class ClosedLoopSection(AbstractSection):
     """A table of the errors under the user's own controller."""
 
     title: ClassVar[str] = "Under your controller"

@@ -25,7 +25,7 @@ _IN_PART = (
 )
 
 
-class Comparison(AbstractSection):
+class ComparisonSection(AbstractSection):
     """For each recording the whole of it and a close-up."""
 
     title: ClassVar[str] = "Measured and modelled"
@@ -44,7 +44,7 @@ class Comparison(AbstractSection):
         return fill("charts.html.j2", intro=[f"{_INTRO}{closer}."], legend=key, groups=groups, notes=notes)
 
 
-class Errors(AbstractSection):
+class ErrorsSection(AbstractSection):
     """A table of the errors on each recording."""
 
     title: ClassVar[str] = "Errors"

@@ -22,7 +22,7 @@ _STILL = "No friction over velocity: these recordings do not slide."
 _NO_LOOPS = "No friction over displacement: no recording turns back twice within presliding."
 
 
-class Friction(AbstractSection):
+class FrictionSection(AbstractSection):
     """Friction over speed in sliding, over displacement in presliding, and for each named effect the residual force
     over the variable along which it shows."""
 

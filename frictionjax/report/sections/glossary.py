@@ -45,7 +45,7 @@ OF_EXTENSIONS = {"extended model", "confidence", "cannot be distinguished"}
 """Terms of a page with an extended model."""
 
 
-class Glossary(AbstractSection):
+class GlossarySection(AbstractSection):
     """The terms of the page, each in a sentence."""
 
     title: ClassVar[str] = "Glossary"

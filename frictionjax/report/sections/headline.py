@@ -17,7 +17,7 @@ from frictionjax.report.series import is_extended
 from frictionjax.report.template import fill
 
 
-class Headline(AbstractSection):
+class HeadlineSection(AbstractSection):
     """Three sentences; then the badge, the case, what limits the reading, and one card for each held-out recording."""
 
     title: ClassVar[str] = ""

@@ -27,7 +27,7 @@ _FORCE = (
 )
 
 
-class Horizons(AbstractSection):
+class HorizonsSection(AbstractSection):
     """A table of the errors at each horizon, and of the force that is lacking."""
 
     title: ClassVar[str] = "Errors by horizon, and the force that is lacking"

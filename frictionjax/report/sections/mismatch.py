@@ -27,7 +27,7 @@ _GIVEN_MISSES = (
 _MOST = 12  # bins of one axis that get a row each
 
 
-class Mismatch(AbstractSection):
+class MismatchSection(AbstractSection):
     """For each axis a table of bins: a bar for the share, a logarithmic gauge for the excess before and after."""
 
     title: ClassVar[str] = "Where the base model fails"
@@ -37,7 +37,7 @@ class Mismatch(AbstractSection):
         return _map(diagnosis.mismatch, level, _BASE_FAILS, MODELS, diagnosis.within)
 
 
-class SimulationMisses(AbstractSection):
+class SimulationMissesSection(AbstractSection):
     """How far the user's own simulation is from the recordings, and the same map of it."""
 
     title: ClassVar[str] = "Where your simulation misses"

@@ -18,7 +18,7 @@ _SEVERAL = (
 )
 
 
-class Missing(AbstractSection):
+class MissingSection(AbstractSection):
     """Where the mismatch is; then each effect's name, size and confidence, and the experiment that would distinguish
     effects that these recordings cannot."""
 

@@ -15,7 +15,7 @@ from frictionjax.report.series import is_extended
 from frictionjax.report.template import fill
 
 
-class Parameters(AbstractSection):
+class ParametersSection(AbstractSection):
     """One row for each parameter: meaning, base value, extended value, and the bias of the base value by the missing
     physics; a wave by its amplitude and phase."""
 

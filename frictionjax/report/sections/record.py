@@ -17,7 +17,7 @@ from frictionjax.report.template import fill
 _COMPILE = "compile"  # the stage that is a part of the others
 
 
-class Record(AbstractSection):
+class RecordSection(AbstractSection):
     """The warnings; a table of the recordings; a table of the stages."""
 
     title: ClassVar[str] = "Data, warnings, timings"

@@ -18,7 +18,7 @@ _INTRO = (
 )
 
 
-class Residual(AbstractSection):
+class ResidualSection(AbstractSection):
     """For each recording the residual force and its noise band, whole and in the same close-up as above."""
 
     title: ClassVar[str] = "Residual force over time"
