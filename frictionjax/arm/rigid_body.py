@@ -13,7 +13,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-Positions = Float[np.ndarray, "n j"]
+JointCoordinates = Float[np.ndarray, "n j"]
 Vectors = Float[np.ndarray, "n 3"]
 Frames = Float[np.ndarray, "n 3 3"]
 
@@ -70,7 +70,9 @@ class RigidBody(eqx.Module):
         """Their values in the model, in the same order, shape `(p,)`."""
         return np.concatenate([self.inertial.ravel(), self.armature])
 
-    def regressor(self, q: Positions, qd: Positions, qdd: Positions) -> Float[np.ndarray, "n j p"]:
+    def regressor(
+        self, q: JointCoordinates, qd: JointCoordinates, qdd: JointCoordinates
+    ) -> Float[np.ndarray, "n j p"]:
         """What each parameter, at one, takes of the torque of each joint along a motion.
 
         **Arguments:** `q`, `qd`, `qdd`: position (rad or m), velocity and acceleration of the joints, shape `(n, j)`.

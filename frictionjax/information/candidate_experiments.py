@@ -8,7 +8,7 @@ import numpy as np
 from frictionjax.core import InputError
 from frictionjax.information.planned import Inputs, Signal
 
-Candidate = Inputs
+CandidateInputs = Inputs
 """One planned input of shape `(n,)`, or several, each recorded from the known start."""
 
 
@@ -38,7 +38,7 @@ class CandidateExperiments(eqx.Module):
     groups: list[list[int]]
 
 
-def candidates_of(candidates: Mapping[str, Candidate]) -> CandidateExperiments:
+def candidates_of(candidates: Mapping[str, CandidateInputs]) -> CandidateExperiments:
     """The `candidates` (name -> input or inputs), each of whose records gets a label."""
     if not isinstance(candidates, Mapping) or not candidates:
         raise InputError(

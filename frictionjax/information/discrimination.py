@@ -13,7 +13,7 @@ import scipy
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, reporting
 from frictionjax.information.candidate_experiments import (
-    Candidate,
+    CandidateInputs,
     Rejected,
     broken_limits,
     candidates_of,
@@ -81,7 +81,7 @@ def rank_for_discrimination(
     drive: Drive,
     first: AbstractEffect | None,
     second: AbstractEffect | None,
-    candidates: Mapping[str, Candidate],
+    candidates: Mapping[str, CandidateInputs],
     sample_rate: Numbers,
     noise: Numbers,
     *,

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from frictionjax.core import InputError, require_x64
 from frictionjax.core.progress import Progress, reporting
 from frictionjax.information.candidate_experiments import (
-    Candidate,
+    CandidateInputs,
     Rejected,
     broken_limits,
     candidates_of,
@@ -102,7 +102,7 @@ class Ranking(eqx.Module):
 
 def rank_experiments(
     drive: Drive,
-    candidates: Mapping[str, Candidate],
+    candidates: Mapping[str, CandidateInputs],
     sample_rate: Numbers,
     noise: Numbers,
     *,

@@ -145,7 +145,7 @@ def force_signals(force: Float[np.ndarray, "k w n"]) -> Signals:
     return Signals((force, *empty), np.broadcast_to(places, (*force.shape[:2], *places.shape)))
 
 
-class Along(eqx.Module):
+class ModelVariables(eqx.Module):
     """Inputs and variables of a model at one sample or along one recording, `(n,)`, whatever effects the model has.
 
     **Attributes:** `u` (recorded input), `push` (motor force) and its `rise` within a sample, `x`, `v`, `z`
@@ -168,7 +168,7 @@ class Along(eqx.Module):
     a: Float[Array, "*n"]
 
 
-def along(drive: Drive, motion: DriveState, u: Float[Array, " n"], dt: Float[Array, ""]) -> Along:
+def along(drive: Drive, motion: DriveState, u: Float[Array, " n"], dt: Float[Array, ""]) -> ModelVariables:
     """Inputs and variables of `drive` along the states `motion` (arrays of shape `(n, ...)`) for the input `u`, `dt` s
     per sample."""
     bristles = drive.bristles()
@@ -180,7 +180,9 @@ def along(drive: Drive, motion: DriveState, u: Float[Array, " n"], dt: Float[Arr
         opposing = drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
         lost, a = drive.slip(spring / level, fast), (push - opposing) / drive.J
         sigma1 = drive.sigma1(state.v) + 0.0 * state.v
-        return Along(u, push, rise, state.x, state.v, state.bristle, spring, level, w, fast, lost, sigma1, a)
+        return ModelVariables(
+            u, push, rise, state.x, state.v, state.bristle, spring, level, w, fast, lost, sigma1, a
+        )
 
     applied = drive.applied_force(u, dt)
     rise = applied.rise if isinstance(applied, Push) else jnp.zeros_like(u)
@@ -192,7 +194,7 @@ def signals_along(
     inertia: Float[Array, ""],
     motor_constant: Float[Array, ""],
     effect: AbstractEffect,
-    known: Along,
+    known: ModelVariables,
     dt: Float[Array, ""],
     before: Before,
     samples: Int[Array, ""] | None = None,
@@ -219,7 +221,7 @@ def signals_along(
         effect.initial_states(friction, before) if isinstance(effect, AbstractStateEffect) else jnp.zeros(0)
     )
 
-    def sample(carry, inputs: tuple[Along, Along]):
+    def sample(carry, inputs: tuple[ModelVariables, ModelVariables]):
         (hidden, plays, load), (here, there) = carry, inputs
         own, parts = Now(here.x, here.v, here.push, here.spring, hidden), {}
         if isinstance(effect, AbstractForceEffect):

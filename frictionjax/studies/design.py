@@ -16,7 +16,7 @@ from jaxtyping import Int, Shaped
 from frictionjax.core import InputError
 from frictionjax.studies.axes import Axis
 
-Columns = Mapping[str, Shaped[np.ndarray, " n"]]
+CaseColumns = Mapping[str, Shaped[np.ndarray, " n"]]
 """The values of cases by the name of the axis, shape `(n,)` each."""
 
 MOST_CASES = 2**32 - 1
@@ -56,7 +56,7 @@ class AbstractCaseTable(abc.ABC):
     """The values of every case of a design."""
 
     @abc.abstractmethod
-    def take(self, places: Int[np.ndarray, " n"]) -> Columns:
+    def take(self, places: Int[np.ndarray, " n"]) -> CaseColumns:
         """The values of the cases at `places`, shape `(n,)`."""
 
     @abc.abstractmethod
@@ -110,7 +110,7 @@ class GridTable(AbstractCaseTable):
     levels: tuple[tuple[str, Shaped[np.ndarray, " _"]], ...]
     repeats: int
 
-    def take(self, places: Int[np.ndarray, " n"]) -> Columns:
+    def take(self, places: Int[np.ndarray, " n"]) -> CaseColumns:
         """The combinations at `places`, shape `(n,)`."""
         shape = [len(values) for _, values in self.levels] + [self.repeats]
         index = np.unravel_index(places, shape)
@@ -127,9 +127,9 @@ class GridTable(AbstractCaseTable):
 class CaseTable(AbstractCaseTable):
     """The `values` of each case by the name of the axis, shape `(n,)` each."""
 
-    values: Columns
+    values: CaseColumns
 
-    def take(self, places: Int[np.ndarray, " n"]) -> Columns:
+    def take(self, places: Int[np.ndarray, " n"]) -> CaseColumns:
         """The values at `places`, shape `(n,)`."""
         return {name: column[places] for name, column in self.values.items()}
 

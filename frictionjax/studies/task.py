@@ -15,7 +15,7 @@ from jaxtyping import Int, Shaped
 
 from frictionjax.core import InputError
 from frictionjax.core.forks import require_own_threads
-from frictionjax.studies.design import Columns
+from frictionjax.studies.design import CaseColumns
 
 Values = dict[str, Shaped[np.ndarray, "_ ..."]]
 """The results of cases by name; the cases are the leading axis."""
@@ -33,7 +33,7 @@ class Block(NamedTuple):
 
     places: Int[np.ndarray, " n"]
     streams: Int[np.ndarray, " n"]
-    columns: Columns
+    columns: CaseColumns
 
 
 class Outcome(NamedTuple):

@@ -1,9 +1,13 @@
-"""The public names: listed here once, documented, loaded late, and nothing else leaks out of a door."""
+"""Names: the public ones are listed once, documented, and loaded late; no class shares its name with another one."""
 
+import ast
 import importlib
 import inspect
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from helpers_house import DOORS, home_of, public_names
@@ -53,6 +57,34 @@ EXPECTED = sorted(
 """Every public name. A new one is added here on purpose."""
 
 
+PACKAGE = Path(frictionjax.__file__).parent
+
+
+def classes_of(text: str) -> Iterator[str]:
+    """The classes of one file, wherever they stand in it; those with a leading underscore are its own affair."""
+    nodes = ast.walk(ast.parse(text))
+    return (node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
+
+
+def aliases_of(text: str) -> Iterator[str]:
+    """The types that one file names by an assignment at its top, as in `Positions = Float[np.ndarray, "n j"]`."""
+    assigned = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
+    names = (target.id for node in assigned for target in node.targets if isinstance(target, ast.Name))
+    return (name for name in names if name[0].isupper() and not name.isupper())
+
+
+def shared_names(files: dict[str, str]) -> list[str]:
+    """A sentence for each class of the `files`, text by name, whose name is also that of another class or type."""
+    classes, others = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+    for file, text in files.items():
+        for name in classes_of(text):
+            classes[name].append(file)
+        for name in aliases_of(text):
+            others[name].append(file)
+    homes = {name: own + others[name] for name, own in classes.items()}
+    return [f"{name} stands in {', '.join(own)}." for name, own in sorted(homes.items()) if len(own) > 1]
+
+
 def _run(code: str) -> str:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
@@ -63,6 +95,21 @@ def test_the_public_names_are_these():
     api = importlib.import_module("frictionjax.api")
     assert sorted(api.__all__) == EXPECTED
     assert set(EXPECTED) >= CONTRACT
+
+
+def test_a_class_shares_its_name_with_no_other_one():
+    """Whoever meets a name need not look which class it is."""
+    assert shared_names({str(path): path.read_text() for path in sorted(PACKAGE.rglob("*.py"))}) == []
+
+
+def test_shared_names_are_found():
+    files = {
+        "a.py": "class Grid: ...\nclass _Own: ...",
+        "b.py": "def f():\n    class Grid: ...\nclass _Own: ...",
+        "c.py": "class Place: ...\nGRID = 1",
+        "d.py": "Place = tuple[int, int]\nclass Gains: ...",
+    }
+    assert shared_names(files) == ["Grid stands in a.py, b.py.", "Place stands in c.py, d.py."]
 
 
 def test_every_public_name_is_there_and_documented():

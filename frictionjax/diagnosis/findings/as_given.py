@@ -33,7 +33,7 @@ BOTH = (
 
 _FAR = 1e100  # position or force units: sums of squares below it stay finite
 
-Model = Literal["base", "extended", "given"]
+ModelName = Literal["base", "extended", "given"]
 
 
 def as_given(
@@ -171,15 +171,15 @@ def _sentence(
     imposed = judged[0].drive == "motion"
     unit = plant.shown_force if imposed else plant.shown_position
     subject = "simulation as given (column `simulated`)" if source == "column" else "model as given"
-    models: tuple[Model, ...] = ("base", "extended") if extended else ("base",)
+    models: tuple[ModelName, ...] = ("base", "extended") if extended else ("base",)
 
     def said(size: float) -> str:
         return f"{in_unit(unit, size)[1][0]:.3g}"
 
-    def free(model: Model) -> str:
+    def free(model: ModelName) -> str:
         return said(_rms([getattr(fit, f"free_run_rmse_{model}") for fit in judged]))
 
-    def moves_by(model: Model) -> str:
+    def moves_by(model: ModelName) -> str:
         return said(_rms([getattr(fit, f"increment_rmse_{model}") for fit in judged]))
 
     others = " and ".join(f"the {model} model by {free(model)}" for model in models)

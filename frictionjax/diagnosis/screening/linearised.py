@@ -25,7 +25,7 @@ from frictionjax.physics.effects import AbstractEffect, Before
 from frictionjax.simulation import ObserverGains, observe
 from frictionjax.simulation.fixed import Start
 from frictionjax.simulation.injected import (
-    Along,
+    ModelVariables,
     Signals,
     along,
     force_signals,
@@ -73,7 +73,7 @@ class Present(eqx.Module):
     weighings: tuple[Weighing, ...]
     misfit: float
     samples: float
-    motion: list[Along] | None
+    motion: list[ModelVariables] | None
 
     def lanes(
         self, blocks: Iterable[tuple[Sequence[Posterior], Sequence[Float[Numbers, " _"]]]]
@@ -184,14 +184,16 @@ def _effects_at(posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers
 
 
 @compiled()
-def _motion(drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains: ObserverGains) -> Along:
+def _motion(
+    drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains: ObserverGains
+) -> ModelVariables:
     def one(
         u: Float[Numbers, " n"],
         x: Float[Numbers, " n"],
         dt: Float[Numbers, ""],
         gains: ObserverGains,
         start: Start,
-    ) -> Along:
+    ) -> ModelVariables:
         force, steps, samples = drive.applied_force(u, dt), batch.steps, batch.samples
         observed = observe(drive, force, x, dt, gains, start, substeps=steps, samples=samples)
         return along(drive, corrected_states(drive, observed, gains), u, dt)
@@ -202,7 +204,7 @@ def _motion(drive: Drive, deflection: Float[Numbers, " w"], batch: Batch, gains:
 def _signals_in(
     effects: AbstractEffect,
     model: tuple[LuGre, Float[Numbers, ""], Float[Numbers, ""]],
-    motion: Along,
+    motion: ModelVariables,
     piece: Piece,
     batch: Batch,
 ) -> Signals:
@@ -222,7 +224,7 @@ def _signals_in(
 def _signals(
     effects: AbstractEffect,
     model: tuple[LuGre, Float[Numbers, ""], Float[Numbers, ""]],
-    known: Along,
+    known: ModelVariables,
     dt: Float[Numbers, ""],
     before: Before,
     samples: Int[Numbers, ""],

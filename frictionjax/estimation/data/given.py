@@ -14,10 +14,10 @@ from frictionjax.recordings.frame import Frame, is_frame
 from frictionjax.recordings.given import is_case_file, recordings_of, whole_recording
 from frictionjax.recordings.units import turn_of
 
-Piece = Recording | FRF | Observation
+DataPiece = Recording | FRF | Observation
 """One piece of data for a fit."""
 
-Data = Case | str | Path | Frame | Piece | Sequence[str | Path | Frame | Piece]
+Data = Case | str | Path | Frame | DataPiece | Sequence[str | Path | Frame | DataPiece]
 """A `Case`, of which the recordings to fit are taken; the path of a case file or of a recording; named columns in
 memory; a `Recording`, an `FRF` or an `Observation`; several of these."""
 
@@ -28,7 +28,7 @@ _KINDS = (
 _UNITS = {"force": "force_unit", "position": "position_unit", "input": "input_unit"}
 
 
-def pieces_of(data: Data) -> tuple[Piece, ...]:
+def pieces_of(data: Data) -> tuple[DataPiece, ...]:
     """The pieces that `data` stands for; held-out recordings of a case are not among them.
 
     **Raises:** `InputError` for anything that is no data, and as `load_case` does.
@@ -37,9 +37,9 @@ def pieces_of(data: Data) -> tuple[Piece, ...]:
         data = load_case(data)
     if isinstance(data, Case):
         return data.fit_recordings
-    single = isinstance(data, str | Path | Piece) or is_frame(data)
+    single = isinstance(data, str | Path | DataPiece) or is_frame(data)
     items: Sequence[Any] = [data] if single else data if isinstance(data, Sequence) else [None]
-    pieces: list[Piece] = []
+    pieces: list[DataPiece] = []
     for item in items:
         if isinstance(item, Recording | FRF | Observation):
             pieces.append(item)
@@ -53,7 +53,7 @@ def pieces_of(data: Data) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def plant_of(pieces: Sequence[Piece]) -> Plant | None:
+def plant_of(pieces: Sequence[DataPiece]) -> Plant | None:
     """The machine of the `pieces`, as their cases describe it; None where no case describes it.
 
     **Raises:** `InputError` where two of them are described differently.

@@ -13,7 +13,7 @@ _HEAD = 4096
 """Bytes that are looked at."""
 
 
-class Kind(NamedTuple):
+class ContentKind(NamedTuple):
     """What a file holds.
 
     **Attributes:**
@@ -70,7 +70,7 @@ _OTHERS = {
 _TAR = "a tar archive"
 
 
-def kind_of(path: Path) -> Kind | None:
+def kind_of(path: Path) -> ContentKind | None:
     """What a file holds, if its first bytes say so; None for text, and for what is not known or cannot be opened.
 
     **Arguments:**
@@ -88,34 +88,34 @@ def kind_of(path: Path) -> Kind | None:
         if inside is None or inside.suffix == ".json":
             return inside
         command = "tar -xf" if inside.what == _TAR else "gunzip"
-        return Kind(f"a gzip file with {inside.what} in it", "", f"Unpack it: {command} {file}")
+        return ContentKind(f"a gzip file with {inside.what} in it", "", f"Unpack it: {command} {file}")
     return _kind(head, path, file)
 
 
-def _kind(head: bytes, path: Path, file: str) -> Kind | None:
+def _kind(head: bytes, path: Path, file: str) -> ContentKind | None:
     for sign, (what, suffix) in _READ.items():
         # In text there is no null character, whatever it begins with.
         if head.startswith(sign) and b"\0" in head:
-            return Kind(what, suffix, "")
+            return ContentKind(what, suffix, "")
     if head[512:].startswith(b"\x89HDF\r\n\x1a\n"):  # after a block of the user
-        return Kind("an HDF5 file", ".h5", "")
+        return ContentKind("an HDF5 file", ".h5", "")
     for sign, suffix in _BAGS.items():
         if head.startswith(sign) and b"\0" in head:
             if file.lower().endswith(suffix):
-                return Kind("a bag of ROS", suffix, "")
-            return Kind("a bag of ROS", "", f"Give it the suffix of its format: {file}{suffix}")
+                return ContentKind("a bag of ROS", suffix, "")
+            return ContentKind("a bag of ROS", "", f"Give it the suffix of its format: {file}{suffix}")
     for sign, (what, command) in _PACKED.items():
         if head.startswith(sign) and not head.isascii():
-            return Kind(what, "", f"Unpack it: {command} {file}")
+            return ContentKind(what, "", f"Unpack it: {command} {file}")
     for sign, (what, cure) in _OTHERS.items():
         if head.startswith(sign):
-            return Kind(what, "", cure)
+            return ContentKind(what, "", cure)
     if head[257:262] == b"ustar":
-        return Kind(_TAR, "", f"Unpack it: tar -xf {file}")
+        return ContentKind(_TAR, "", f"Unpack it: tar -xf {file}")
     if head.startswith(b"PK\x03\x04"):
         return _archive(path)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[{", b"[[")):
-        return Kind("JSON", ".json", "")
+        return ContentKind("JSON", ".json", "")
     return None
 
 
@@ -123,7 +123,7 @@ _DAMAGED = (zipfile.BadZipFile, struct.error, OSError, ValueError, OverflowError
 """What zipfile raises for an archive whose list of names it cannot read."""
 
 
-def _archive(path: Path) -> Kind | None:
+def _archive(path: Path) -> ContentKind | None:
     """What a zip archive is, by the names in it; None for one of other files, and a damaged one."""
     try:
         with zipfile.ZipFile(path) as archive:
@@ -131,11 +131,11 @@ def _archive(path: Path) -> Kind | None:
     except _DAMAGED:  # its reader says what is wrong with it
         return None
     if names and all(name.endswith(".npy") for name in names):
-        return Kind("a NumPy archive", ".npz", "")
+        return ContentKind("a NumPy archive", ".npz", "")
     if any(name.startswith("xl/") for name in names):
-        return Kind("an Excel file", ".xlsx", "")
+        return ContentKind("an Excel file", ".xlsx", "")
     if "content.xml" in names:
-        return Kind("a spreadsheet of OpenDocument", ".ods", "")
+        return ContentKind("a spreadsheet of OpenDocument", ".ods", "")
     return None
 
 
