@@ -58,6 +58,7 @@ def test_clusters_are_as_long_as_leaves_enough_of_them():
         gradients[:scored] = 1.0
         found = merged(gradients, 1)
         assert np.sum(np.any(found != 0.0, axis=1)) == expected, scored
+    assert merged(np.ones((480, 1)), 1).shape == (120, 1)  # never longer, however many there are
 
 
 def test_errors_hold_where_clusters_are_correlated():
@@ -129,6 +130,29 @@ def test_few_clusters_say_nothing_of_correlation():
     own = np.array([98.0, 1.0, 1.0])[:, None, None]
     found = clustered_covariance(np.array([[100.0]]), [np.array([[10.0], [-5.0], [-5.0]])], [own], [1])
     assert found[0, 0] == pytest.approx(0.01)
+
+
+def _stated_and_true(information, common):
+    """Mean variance that is stated, and that of a parameter in many draws, for clusters of this `information` each,
+    shape `(c,)`; in each the errors have the `common` factor in their variance that white ones have not."""
+    rng, total = np.random.default_rng(9), information.sum()
+    hessian, own = np.array([[total]]), information[:, None, None]
+    stated, found = [], []
+    for _ in range(2000):
+        scores = np.sqrt(common * information) * rng.standard_normal(information.size)
+        found.append(scores.sum() / total)
+        gradients = (information * found[-1] - scores)[:, None]
+        stated.append(clustered_covariance(hessian, [gradients], [own], [1])[0, 0])
+    return np.mean(stated), np.mean(np.square(found))
+
+
+def test_correlation_is_stated_of_enough_clusters_only():
+    """Of thirty alike the errors that last are known. Of fifteen, one of which tells nine tenths, nothing is: errors
+    that are white would seem to last."""
+    stated, true = _stated_and_true(np.ones(30), 4.0)
+    assert stated == pytest.approx(true, rel=0.15)
+    stated, true = _stated_and_true(np.append(np.ones(14), 9.0 * 14.0), 1.0)
+    assert stated == pytest.approx(true, rel=0.15)
 
 
 def _stated(slopes, clustered, *, hessian=None, prior=0.0, at_end=False):
