@@ -219,7 +219,9 @@ def test_each_horizon_has_its_column_and_each_recording_its_own():
 def test_the_closed_loop_has_a_table_where_there_is_a_controller():
     closed = ClosedLoop(2e-3, 3e-5, 0.5, 0.25, given=4e-3, input_given=0.75, law=0.62)
     under = replace(fake_recording(n=40), name="servo", closed_loop=closed)
-    page = str(ClosedLoopSection().body(_alone(recordings=(under, replace(fake_recording(n=40), name="open")))))
+    page = str(
+        ClosedLoopSection().body(_alone(recordings=(under, replace(fake_recording(n=40), name="open"))))
+    )
     text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
     assert "position input position, your model as given" in text
     assert "servo 2.00 mrad → 0.0300 mrad 500 mV → 250 mV 4.00 mrad 750 mV" in text
