@@ -31,17 +31,15 @@ Vector = Float[Numbers, " q"]
 class RefitStart:
     """What all candidates of a round start from.
 
-    **Attributes:** `model` (without them), `fast` (its objective with the observers of a search, of the fitted
-    recordings, of long ones the first part), `vector` (its own there) and `whole` (of all of them), its `misfit` by the
-    first, that of the `best` candidate that was refitted before (infinite where none was), `scales` (the plant's
-    sizes), `graduate` (whether descents begin with a wide loss), `ratio` (part of the inertia that stick lacks, or
-    None), `pair` (antiresonance and resonance, or None), `base_effects` (how many the base model has), `rule`,
-    `effort`.
+    **Attributes:** `model` (without them), `fast` (its objective with the observers of a search, of the first part
+    of long recordings) and `whole` (of all of them), its `misfit` by the first, that of the `best` candidate that
+    was refitted before (infinite where none was), `scales` (the plant's sizes), `graduate` (whether descents begin
+    with a wide loss), `ratio` (part of the inertia that stick lacks, or None), `pair` (antiresonance and resonance,
+    or None), `base_effects` (how many the base model has), `rule`, `effort`.
     """
 
     model: Model
     fast: Posterior
-    vector: Vector
     whole: Posterior
     misfit: float
     best: float
@@ -64,12 +62,7 @@ class RefitStart:
 
     def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
         """Objective and vector of the model with the silent effect of the `trial`."""
-        return extend(self.fast, self.vector, trial.form, self.scales)
-
-    def on_all(self, posterior: Posterior, vector: Vector) -> tuple[Posterior, Vector]:
-        """A candidate's objective `posterior` on all recordings, and its `vector` there."""
-        held_out = self.model.fitted.vector[len(self.model.posterior.layout) :]
-        return posterior.beside_held_out(vector, self.whole, held_out)
+        return extend(self.fast, self.model.fitted.vector, trial.form, self.scales)
 
     def own(self, posterior: Posterior) -> slice:
         """Places of the candidate's own parameters in a vector of its objective `posterior`."""
@@ -177,9 +170,8 @@ def behind_a_gap(start: RefitStart, trial: Trial) -> CandidateDescent | None:
 def with_slow_observer(start: RefitStart, candidate: CandidateDescent) -> Refitted:
     """The `candidate` after its last descent, with the slow observer, and judged. Where it ends above the model without
     it, the first descent led it astray, and it starts again from there: a richer model never explains less."""
-    rule = start.rule
-    whole, found = start.on_all(candidate.posterior, candidate.fitted.vector)
-    slow = whole.at_bandwidth(SLOW_BANDWIDTH)
+    found, rule = candidate.fitted.vector, start.rule
+    slow = candidate.posterior.on_recordings_of(start.whole).at_bandwidth(SLOW_BANDWIDTH)
     if has_contacts(candidate.trial.form):
         # Contacts are shorter than anything else in the machine.
         slow = without_chaos(slow, found, rule=rule)
@@ -188,7 +180,7 @@ def with_slow_observer(start: RefitStart, candidate: CandidateDescent) -> Refitt
     steps, tolerance = budget.slow_steps, budget.slow_tolerance
     fitted = descend(slow, found, graduate=False, steps=steps, tolerance=tolerance)
     if not (has_contacts(candidate.trial.form) or fitted.misfit <= start.model.fitted.misfit):
-        _, silent = start.on_all(*start.extended(candidate.trial))
+        _, silent = start.extended(candidate.trial)
         own = start.own(slow)
         others = (changed(silent, own, np.asarray(found)[own]), silent)
         ends = [descend(slow, one, graduate=False, steps=steps, tolerance=tolerance) for one in others]

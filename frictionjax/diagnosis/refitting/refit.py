@@ -118,13 +118,10 @@ def _start(
 ) -> RefitStart:
     bandwidth = search_bandwidth(model.posterior, model.fitted.vector)
     whole = model.posterior.at_bandwidth(bandwidth)
-    # Held-out recordings determine nothing of a candidate: they are followed in the last descent.
-    fitted, vector = whole.of_fitted(model.fitted.vector)
-    fast, misfit = _searched(fitted, vector, effort)
+    fast, misfit = _searched(whole, model.fitted.vector, effort)
     return RefitStart(
         model=model,
         fast=fast,
-        vector=vector,
         whole=whole,
         misfit=misfit,
         best=math.inf if best is None else _misfit_of_search(best, fast, bandwidth),
@@ -140,8 +137,8 @@ def _start(
 
 
 def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) -> tuple[Posterior, float]:
-    """What first descents are of, and its misfit at the `vector`: the first part of the fitted recordings of the
-    `whole` objective where they are long, and where it shows what the model misses."""
+    """What first descents are of, and its misfit at the `vector`: the first part of the recordings of the `whole`
+    objective where they are long, and where it shows what the model misses."""
     misfit, budget = float(whole.misfits([vector])[0]), effort.refitting
     if whole.batch.imposed or int(np.max(whole.batch.lengths)) <= budget.searched_samples:
         return whole, misfit
@@ -153,8 +150,8 @@ def _searched(whole: Posterior, vector: Float[Numbers, " q"], effort: Effort) ->
 def _misfit_of_search(model: Model, searched: Posterior, bandwidth: float) -> float:
     """The misfit of the `model` with the observers of a search of this `bandwidth`, on the recordings that are
     `searched`."""
-    own, vector = model.posterior.at_bandwidth(bandwidth).of_fitted(model.fitted.vector)
-    return float(own.on_recordings_of(searched).misfits([vector])[0])
+    own = model.posterior.at_bandwidth(bandwidth).on_recordings_of(searched)
+    return float(own.misfits([model.fitted.vector])[0])
 
 
 def _from_other_starts(

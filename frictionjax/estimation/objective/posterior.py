@@ -32,7 +32,7 @@ from frictionjax.estimation.objective.quadratic import (
     quadratic_of,
     spread_out,
 )
-from frictionjax.estimation.parameters import INSIDE, Free, changed, pack, touching, unpack
+from frictionjax.estimation.parameters import INSIDE, Free, pack, touching, unpack
 from frictionjax.physics import Drive
 
 _SQUARED = 1e150  # the square of more is no number
@@ -315,27 +315,6 @@ class Posterior(AbstractObjective):
             lambda p: (p.start, p.prior, p.evidence, p.weights, p.fitted, p.ceilings), self, own
         )
         return posterior, vector
-
-    def beside_held_out(
-        self, vector: Float[Numbers, " q"], whole: "Posterior", held_out: Float[Numbers, " r"]
-    ) -> tuple["Posterior", Float[Numbers, " longer"]]:
-        """The way back from `of_fitted`: the same on all recordings of the `whole`, of whose fitted recordings this one
-        is, and `vector` with the deflections of the others from `held_out`, which has those of all recordings."""
-        rows, count, first = (
-            np.flatnonzero(np.asarray(whole.fitted[0]) > 0),
-            self.parameters,
-            whole.parameters,
-        )
-
-        def among(values: Float[Numbers, " q"], others: Float[Numbers, " r"]) -> Float[np.ndarray, " longer"]:
-            return np.concatenate([values[:count], changed(np.asarray(others), rows, values[count:])])
-
-        start, prior = among(self.start, whole.start[first:]), among(self.prior, whole.prior[first:])
-        own = (start, prior, whole.evidence, whole.weights, whole.fitted, whole.ceilings)
-        posterior = eqx.tree_at(
-            lambda p: (p.start, p.prior, p.evidence, p.weights, p.fitted, p.ceilings), self, own
-        )
-        return posterior, among(vector, held_out)
 
     def with_substeps(self, substeps: int) -> "Posterior":
         """The same, with so many integration `substeps` a sample."""

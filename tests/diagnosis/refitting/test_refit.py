@@ -191,26 +191,6 @@ def test_the_first_part_of_a_posterior_is_that_of_recordings_cut_short():
     assert part.misfits([vector])[0] == pytest.approx(alone.misfits([vector])[0], rel=1e-9)
 
 
-def test_fitted_recordings_alone_cost_the_same_and_the_way_back_leads_to_all():
-    recordings = tuple(
-        open_loop(name, stick_noise(), seed=k) for k, name in enumerate(("one", "two", "three"))
-    )
-    batch = make_batch(recordings, encoder_step=FINE)
-    whole, start = robust_posterior(PLANT, batch, np.array([False, True, False]))
-    vector = start + np.linspace(0.01, 0.05, start.size)
-    fitted, alone = whole.of_fitted(vector)
-    assert fitted.recordings.rows == 2
-    assert fitted.misfits([alone])[0] == pytest.approx(whole.misfits([vector])[0], rel=1e-12)
-    assert float(fitted.near(alone).cost) == pytest.approx(float(whole.near(vector).cost), rel=1e-12)
-    again, back = fitted.beside_held_out(alone, whole, vector[whole.parameters :])
-    np.testing.assert_array_equal(back, vector)
-    np.testing.assert_array_equal(again.start, whole.start)
-    np.testing.assert_array_equal(again.errors_at([back]), whole.errors_at([vector]))
-    # What a fit of the fitted recordings has moved arrives, and the held-out one stays.
-    _, moved = fitted.beside_held_out(alone + 0.5, whole, vector[whole.parameters :])
-    assert np.flatnonzero(moved == vector).tolist() == [whole.parameters + 1]
-
-
 @pytest.mark.untyped
 @pytest.mark.parametrize(("there", "is_part"), [(0.6, True), (0.4, False)])
 def test_the_first_part_is_searched_where_it_shows_what_is_missing(there, is_part):
@@ -249,7 +229,7 @@ class _Ended(SimpleNamespace):
 def _start_at(best):
     """A start at a misfit of 1 beside a base model without effects, with this misfit of the `best` before."""
     base = SimpleNamespace(posterior=SimpleNamespace(drive=SimpleNamespace(effects=())))
-    return RefitStart(base, None, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
+    return RefitStart(base, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
 
 
 @pytest.mark.untyped
