@@ -102,7 +102,8 @@ def pages() -> dict[str, str]:
             "One arm, driven by the same input without and with the effect: the torque that input and motion leave "
             "over, against velocity and position in sliding, and against the displacement in stick."
         )
-        parts = (title.removeprefix("##"), sentence, picture, said, "\n".join(facts))
+        back = "[All effects](../effects.md)"
+        parts = (title.removeprefix("##"), sentence, picture, said, "\n".join(facts), back)
         found[name] = "\n\n".join(parts)
     return found
 

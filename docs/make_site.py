@@ -54,7 +54,7 @@ def build(folder: Path) -> Path:
     shutil.copytree(DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.toml", "__pycache__"))
     for page in pages.rglob("*.md"):
         source = DOCS / page.relative_to(pages)
-        page.write_text(_with_links(page.read_text(encoding="utf-8"), source), encoding="utf-8")
+        page.write_text(_for_site(page.read_text(encoding="utf-8"), source), encoding="utf-8")
     effects = runpy.run_path(str(DOCS / "make_effects.py"))
     (pages / "effects").mkdir()
     for name, text in effects["pages"]().items():
@@ -79,8 +79,9 @@ def make(folder: Path) -> Path:
     return folder / "site"
 
 
-def _with_links(text: str, source: Path) -> str:
-    """The `text` of a page, with links to files outside of this folder as addresses of the repository."""
+def _for_site(text: str, source: Path) -> str:
+    """The `text` of a page: links to files outside of this folder lead to the repository, and a bar in the code of a
+    table, which GitHub wants escaped, stands alone, as the builder would show the backslash."""
 
     def link(found: re.Match[str]) -> str:
         target, _, anchor = found[1].partition("#")
@@ -89,7 +90,11 @@ def _with_links(text: str, source: Path) -> str:
         place = (source.parent / target).resolve().relative_to(REPOSITORY).as_posix()
         return f"]({ADDRESS}/blob/main/{place}{'#' + anchor if anchor else ''})"
 
-    return re.sub(r"\]\(([^)\s]+)\)", link, text)
+    def code(found: re.Match[str]) -> str:
+        return found[0].replace("\\|", "|")
+
+    rows = re.sub(r"(?m)^\|.*$", lambda row: re.sub(r"`[^`]+`", code, row[0]), text)
+    return re.sub(r"\]\(([^)\s]+)\)", link, rows)
 
 
 def reference() -> str:

@@ -49,6 +49,28 @@ def test_every_effect_has_a_page_with_its_equation_and_picture(site, name):
     )
 
 
+@pytest.mark.parametrize("name", ["index", "effects/creep", "benchmarks/bank"])
+def test_every_page_has_the_styles_of_the_site(site, name):
+    page = site / f"{name}.html"
+    (styles,) = re.findall(r'href="([^"]*site\.css)"', page.read_text(encoding="utf-8"))
+    assert "pre-wrap" in (page.parent / styles).read_text(encoding="utf-8")
+
+
+def test_choices_of_an_option_are_shown_without_an_escape(site):
+    """GitHub wants a bar in a table escaped, also in code; the builder of the site shows the backslash."""
+    assert "\\|" in (REPOSITORY / "docs" / "your-data.md").read_text(encoding="utf-8")
+    assert not [page for page in site.rglob("*.html") if "\\|" in _text(page)]
+    assert "--hold zero|linear|auto" in _text(site / "your-data.html")
+
+
+def test_every_effect_leads_back_to_all_of_them(site):
+    pages = list((site / "effects").glob("*.html"))
+    assert pages and all(
+        "../effects.html" in re.findall(r'<a href="([^"]+)">All effects', page.read_text("utf-8"))
+        for page in pages
+    )
+
+
 def test_the_reference_has_every_public_name_with_what_it_takes(site):
     said = _text(site / "api.html")
     missing = [name for name in api.__all__ if name != "excitation" and f"fj.{name}" not in said]
