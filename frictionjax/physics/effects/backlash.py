@@ -35,7 +35,7 @@ class Backlash(AbstractLoadEffect):
     about: ClassVar[About] = About(
         sentence="a second inertia behind a gap (backlash)",
         equation="J2 (x2'' + drag x2') = k dz(x1 - x2) + c (x1' - x2') in contact, dz(d) = d beyond half the gap, or 0",
-        shows="after reversals: less inertia while the gap is crossed, then a blow",
+        shows="after reversals: less inertia while the gap is crossed, then an impact",
         confused_with=("flexible_transmission",),
         split_by="noise of two levels: a spring keeps its frequencies, a gap does not",
         needs=("both directions",),
