@@ -66,19 +66,19 @@ def files_of(
       names, and the user's data folder of frictionjax.
     - `download`: let the package `nonlinear-benchmarks` fetch what is missing (EMPS only).
 
-    **Raises:** `InputError` for an unknown name, and where a file is missing or is not the one that was published; it
-    says where to get it.
+    **Raises:** `InputError` for an unknown name, where a file is missing or is not the one that was published, and
+    where what is missing cannot be fetched; it says where to get it.
     """
     if name not in MACHINES:
         raise InputError(f'there is no machine "{name}"', cure=f"Choose one of {', '.join(MACHINES)}")
     machine = MACHINES[name]
     searched = [Path(folder) for folder in (_folders() if folders is None else folders)]
-    if download and name == "emps":
-        searched += _fetched_by_nonlinear_benchmarks()
     found = {}
     for file, checksum in machine.files.items():
-        candidates = [path for folder in searched for path in sorted(folder.rglob(file)) if path.is_file()]
-        match = next((path for path in candidates if _checksum(path) == checksum), None)
+        candidates, match = _search(file, checksum, searched)
+        if match is None and download and name == "emps":
+            searched += _fetched_by_nonlinear_benchmarks(machine)
+            candidates, match = _search(file, checksum, searched)
         if match is None:
             problem = (
                 f"{file} of {machine.title} is not on this disk"
@@ -134,13 +134,30 @@ def _checksum(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _fetched_by_nonlinear_benchmarks() -> list[Path]:
+def _search(file: str, checksum: str, folders: Sequence[Path]) -> tuple[list[Path], Path | None]:
+    """The files of that name in the `folders`, and the first of them that is the published one."""
+    candidates = [path for folder in folders for path in sorted(folder.rglob(file)) if path.is_file()]
+    return candidates, next((path for path in candidates if _checksum(path) == checksum), None)
+
+
+def _fetched_by_nonlinear_benchmarks(machine: Machine) -> list[Path]:
     if importlib.util.find_spec(_FETCHER) is None:
         raise InputError(
-            "nonlinear-benchmarks is not installed", cure='Run pip install "frictionjax[benchmarks-data]"'
+            f"{machine.title} is not on this disk, and nonlinear-benchmarks, which fetches it, is not installed",
+            cure='Run pip install "frictionjax[benchmarks-data]"',
         )
-    files = importlib.import_module(_FETCHER).EMPS(data_file_locations=True)
-    return sorted({Path(file).parent for file in files})
+    fetch = importlib.import_module(_FETCHER).EMPS
+    try:
+        files = [Path(file) for file in fetch(data_file_locations=True)]
+        if not all(file.is_file() for file in files):  # an archive of an earlier, damaged download
+            files = [Path(file) for file in fetch(data_file_locations=True, force_download=True)]
+    except Exception as error:  # the package raises what the network did, or a bare Exception
+        raise InputError(
+            f"nonlinear-benchmarks could not fetch {machine.title} ({type(error).__name__})",
+            cure=f"Check the network connection, or get {' and '.join(machine.files)} from nonlinearbenchmark.org by "
+            f"hand and put them into a folder that {VARIABLE} names",
+        ) from error
+    return sorted({file.parent for file in files})
 
 
 def _emps(files: Mapping[str, Path], _: Path) -> dict[str, Any]:
@@ -232,7 +249,7 @@ MACHINES: dict[str, Machine] = {
     "emps": Machine(
         "EMPS, a ball screw with a DC motor",
         "its friction is known to be asymmetric, and a ripple of 2.51 mm is locked to the position",
-        "nonlinearbenchmark.org has it; load_machine(download=True) fetches it.",
+        'nonlinearbenchmark.org has it; load_machine("emps", download=True) fetches it.',
         {
             "DATA_EMPS.mat": "6cf6814ae14618795da0101aae2bb97ff0c6351b0501b5492751b02b07facf7e",
             "DATA_EMPS_PULSES.mat": "0eab75bb1f6b16228ee78791343a88bf9bfd9a51036ac9807d7b5fc11c0e1704",

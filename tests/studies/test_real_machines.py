@@ -1,6 +1,11 @@
 """Published machines: found by checksum, refused with a cure, cut as the notebook says."""
 
+import dataclasses
+import hashlib
+import importlib.machinery
 import json
+import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +43,67 @@ def test_the_environment_names_the_folders(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match="deep"):
         files_of("tribometer")
+
+
+def _fetcher(monkeypatch, fetch):
+    """Stands for the package nonlinear-benchmarks; `fetch` is its EMPS."""
+    package = types.ModuleType("nonlinear_benchmarks")
+    package.__spec__ = importlib.machinery.ModuleSpec("nonlinear_benchmarks", None)
+    monkeypatch.setattr(package, "EMPS", fetch, raising=False)
+    monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", package)
+
+
+def _as_published(monkeypatch, contents):
+    """Of the ball screw, files with these contents count as the published ones."""
+    sums = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in contents.items()}
+    monkeypatch.setitem(MACHINES, "emps", dataclasses.replace(MACHINES["emps"], files=sums))
+
+
+def test_without_the_package_that_fetches_its_command_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"not installed.*pip install \"frictionjax\[benchmarks-data\]\""):
+        load_machine("emps", [tmp_path], download=True)
+
+
+def test_nothing_is_fetched_that_is_on_this_disk(tmp_path, monkeypatch):
+    contents = {"DATA_EMPS.mat": "one", "DATA_EMPS_PULSES.mat": "two"}
+    _as_published(monkeypatch, contents)
+    for name, text in contents.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert files_of("emps", [tmp_path], download=True) == {name: tmp_path / name for name in contents}
+
+
+@pytest.mark.parametrize(
+    "raised", [OSError("no route to host"), Exception("Download failed after 5 attempts")]
+)
+def test_without_a_network_the_error_has_a_cure(tmp_path, monkeypatch, raised):
+    def fetch(**_):
+        raise raised
+
+    _fetcher(monkeypatch, fetch)
+    with pytest.raises(InputError, match=f"could not fetch.*network.*by hand.*{VARIABLE}") as said:
+        load_machine("emps", [tmp_path], download=True)
+    assert said.value.__cause__ is raised
+
+
+def test_an_archive_that_was_not_unpacked_is_fetched_again(tmp_path, monkeypatch):
+    contents = {"DATA_EMPS.mat": "one", "DATA_EMPS_PULSES.mat": "two"}
+    _as_published(monkeypatch, contents)
+    kept, asked = tmp_path / "kept", []
+    kept.mkdir()
+
+    def fetch(*, data_file_locations, force_download=False):
+        assert data_file_locations
+        asked.append(force_download)
+        for name, text in contents.items() if force_download else ():
+            (kept / name).write_text(text)
+        return [str(kept / name) for name in contents]
+
+    _fetcher(monkeypatch, fetch)
+    (tmp_path / "empty").mkdir()
+    assert files_of("emps", [tmp_path / "empty"], download=True) == {name: kept / name for name in contents}
+    assert asked == [False, True]
 
 
 EXPECTED = {
