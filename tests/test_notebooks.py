@@ -136,7 +136,7 @@ def test_the_full_refit_is_compared_and_drawn(monkeypatch, capsys):
     ]
     assert names["sk"].J.value == pytest.approx(1.0, rel=0.05)
     printed = capsys.readouterr().out
-    assert "vs                  not seen      +0.000 %                 0.0" in printed
+    assert "vs          not identifiable      +0.000 %                 0.0" in printed
     assert "vs: profile 0.00098" in printed
     assert "Fitted 7.\nA sentence." in printed
 
