@@ -69,6 +69,8 @@ def stopping(step, number):
                     os.kill(os.getpid(), step)
 
         sys.addaudithook(hook)
+        # A shell that runs tests in the background has Ctrl-C ignored, and its processes inherit that.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         with _terminable():
             save_diagnosis(NEW, folder)
 
