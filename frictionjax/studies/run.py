@@ -190,7 +190,7 @@ def _how_to_go_on(what: str, place: Store | None) -> str:
     done = place.done()
     return (
         f"{what}: {int(done.sum()):,} of {done.size:,} cases are finished. Run it again with the store "
-        f"{place.target}: it goes on from there."
+        f"{place.target} (`frictionjax study` with --resume): it goes on from there."
     )
 
 
