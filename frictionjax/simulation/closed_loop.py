@@ -1,5 +1,7 @@
 """`simulate_closed_loop`: free run of a drive under its controller, which answers to the simulated position."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from frictionjax.core.safe import real
 from frictionjax.physics import Drive, mean_of
 from frictionjax.physics.effects import AbstractInputEffect, Before
 from frictionjax.recordings import Controller
-from frictionjax.simulation.fixed import Start, Trajectory, state_at
+from frictionjax.simulation.fixed import Start, Trajectory, state_at, trajectory_of
 from frictionjax.simulation.ros2 import Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
@@ -72,15 +74,7 @@ def run_closed(
         jnp.append(feedforward[1:], feedforward[-1:]),
     )
     run, u, push = scan_samples(sample, (begin, zero, first, zero, past), inputs, samples)
-
-    def friction_of(state, push):
-        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
-
-    friction = jax.vmap(friction_of)(run, push)
-    t = jnp.arange(reference.shape[0], dtype=reference.dtype) * dt
-    measured = jax.vmap(drive.measured)(run.x, t, run.hidden)
-    steps = substeps if isinstance(substeps, int) else None
-    return Trajectory(t, run.x, run.v, run.z, friction, measured, steps, u=u)
+    return dataclasses.replace(trajectory_of(drive, run, push, dt, substeps), u=u)
 
 
 @Jitted

@@ -123,20 +123,29 @@ def run_free(
     def sample(state, force):
         return advance(drive, bristles, state, force, dt, substeps), state
 
-    def friction_of(state, push):
-        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
-
     push = drive.applied_force(u, dt)
     if unmeasured is not None:
         push = push + unmeasured
     run = scan_samples(sample, state_at(drive, start), push, samples)
+    return trajectory_of(drive, run, mean_of(push), dt, substeps)
+
+
+def trajectory_of(
+    drive: Drive, run: DriveState, push: Float[Array, " n"], dt: Float[Array, ""], substeps: Substeps
+) -> Trajectory:
+    """The trajectory of `drive` whose states are a `run`, arrays of shape `(n, ...)`, under motor forces of mean
+    `push`, shape `(n,)`."""
+    bristles = drive.bristles()
+
+    def friction_of(state, push):
+        return drive.friction_force(bristles, state.x, state.v, state.z, dt, state.hidden, push)[0]
+
     # After the run, vectorised over the samples: inside the loop it would take longer.
-    friction = jax.vmap(friction_of)(run, mean_of(push))
-    t = jnp.arange(u.shape[0], dtype=u.dtype) * dt
+    friction = jax.vmap(friction_of)(run, push)
+    t = jnp.arange(push.shape[0], dtype=push.dtype) * dt
     measured = jax.vmap(drive.measured)(run.x, t, run.hidden)
-    return Trajectory(
-        t, run.x, run.v, run.z, friction, measured, substeps if isinstance(substeps, int) else None
-    )
+    steps = substeps if isinstance(substeps, int) else None
+    return Trajectory(t, run.x, run.v, run.z, friction, measured, steps)
 
 
 @Jitted
