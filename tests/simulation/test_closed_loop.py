@@ -45,6 +45,14 @@ def test_two_roads(effects, every):
     assert float(np.std(REFERENCE - run.x)) < 0.2 * np.std(REFERENCE)
 
 
+def test_a_long_delay_of_the_input_is_remembered():
+    # Of 200 samples, in a loop so soft that it stays stable.
+    drive, soft = ROTARY.with_effects(Delay(0.2)), Controller(kp=0.05)
+    run = simulate_closed_loop(drive, REFERENCE, RATE, soft, feedforward=0.2 * np.sin(5.0 * T))
+    np.testing.assert_allclose(simulate(drive, run.u, RATE).x, run.x, atol=1e-9)
+    assert float(np.ptp(run.x)) > 0.1
+
+
 def test_measured_position_stands_for_the_reference():
     # The answer to what was measured, beside the recorded input, is the answer to the reference.
     machine = dataclasses.replace(ROTARY, J=1.3 * ROTARY.J)
