@@ -247,6 +247,9 @@ def _promise(present: Present, probe: _Probe, products: list[_Products]) -> Prom
     recordings = vector.shape[0] - count
     # Present parameters (the first `old`), bristle deflections, then the strengths under test.
     position = np.concatenate([np.arange(old), np.arange(count, count + recordings), np.asarray(where)])
+    # Where a finite step has been, the motion is known.
+    longest = np.full(position.size, LONGEST_STEP)
+    longest[-size:] = np.maximum(LONGEST_STEP, np.abs(probe.sizes))
     candidates, linear, p_value = [], 0.0, 1.0
     spread, shown, absorbed, valley = np.full(size, np.inf), 0.0, 0.0, vector
     samples = max(present.samples, 1.0)
@@ -261,7 +264,7 @@ def _promise(present: Present, probe: _Probe, products: list[_Products]) -> Prom
         linear = max(linear, float(-(whole @ step) + weighing.right @ without) / samples)
         for damping in _DAMPING:
             change = np.zeros(vector.shape[0])
-            change[position] = damping * np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+            change[position] = damping * np.clip(step, -longest, longest)
             candidates.append(vector + change)
         if number == 0:
             coefficients = np.linalg.lstsq(weighing.gram, cross, rcond=None)[0]

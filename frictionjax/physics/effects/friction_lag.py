@@ -12,6 +12,7 @@ from frictionjax.physics.effects.base import About, AbstractLevelEffect, Abstrac
 from frictionjax.physics.lugre import LuGre
 
 _SHORTEST = 1e-9  # s
+_USUAL = 5e-3  # s; 1 to 50 ms were measured: a time of the lubricant film, whatever the recorder
 
 
 class FrictionLag(AbstractStateEffect, AbstractLevelEffect):
@@ -38,7 +39,7 @@ class FrictionLag(AbstractStateEffect, AbstractLevelEffect):
         needs=("sliding",),
     )
     strengths: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("lag", "s", "lag behind velocity", scale="dt", lower=0.0, probes=(2.0, 20.0)),
+        Parameter("lag", "s", "lag behind velocity", scale=_USUAL, lower=0.0, probes=(0.2, 1.0, 5.0)),
     )
     nuisances: ClassVar[tuple[Parameter, ...]] = ()
 

@@ -205,6 +205,18 @@ def test_a_planted_effect_gains_most(tried):
     assert best[name].one_step[strength] == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.parametrize("lag", [2e-3, 2e-2])
+def test_a_lag_of_friction_is_found_at_its_size(lag):
+    """Of some samples or of forty: what it is tried at has nothing to do with the recorder, and a step as far as one
+    that was tried is not cut."""
+    batch = make_batch(_recordings(PLANT.with_effects(effect("FrictionLag", lag=lag))), encoder_step=FINE)
+    present = present_model(*robust_posterior(PLANT, batch, np.zeros(2, bool)))
+    trials = try_form(present, [effect("FrictionLag")], plant_scales(PLANT, batch))
+    best = max(trials, key=lambda trial: trial.gain)
+    assert best.gain > 0.9 * present.misfit
+    assert best.one_step["lag"] == pytest.approx(lag, rel=0.2)
+
+
 def test_what_a_trial_promises_is_what_its_vector_gives(tried):
     name, _, _, present, trials = tried
     simulated = [trial for trial in trials if np.isfinite(trial.gain)]
