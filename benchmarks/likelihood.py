@@ -2,11 +2,14 @@
 
     python -m benchmarks.likelihood collect BATCH --out FILE
     python -m benchmarks.likelihood compare [--lead 3] [--each 1] FILE ...
+    python -m benchmarks.likelihood shares FILE ...
     python -m benchmarks.likelihood tally FILE ...
 
 `collect` writes a line for each solved case of a revealed batch of `benchmarks.concealed`: what was hidden, what was
-said, and the table of the first round. `tally` counts what was said in such lines. `compare` decides from them, and
-from those of the bank that have tables, which candidate is accepted first, by two rules:
+said, and the table of the first round. `tally` counts what was said in such lines. `shares` counts, by the share of the
+misfit that it explains, how often what the likelihood takes first is right: what `Rule.accept.least_share` parts.
+`compare` decides from the lines, and from those of the bank that have tables, which candidate is accepted first, by two
+rules:
 
 - by shares: the rule until commit 5bf98cf, of shares of the misfit above the floor, the p-value of the score test,
   leads and distance from the noise, with nine numbers;
@@ -43,6 +46,7 @@ from frictionjax.diagnosis.table import (
 )
 
 OUTCOMES = ("right", "class", "other", "none")
+SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 # The numbers of the rule by shares, as they were.
 LEAST_SHARE, LEAST_ENERGY, FAR_FROM_NOISE = 0.45, 0.8, 0.8
@@ -121,13 +125,17 @@ def _choice(table: ComparisonTable, best: int, able: list[int], rule: Rule) -> C
     return Choice(name, tuple(sorted(rivals)))
 
 
+def likely(table: ComparisonTable, rule: Rule) -> list[int]:
+    """The rows of the `table` that chance does not bring, by the `rule`, the one with the largest gain of the
+    log-likelihood first."""
+    able = [number for number, row in enumerate(table.rows) if likelier(row, rule)]
+    return sorted(able, key=lambda number: -gain_of(table.rows[number]))
+
+
 def by_likelihood(table: ComparisonTable, rule: Rule) -> Choice:
     """What the likelihood accepts first of the `table`, by the `rule`."""
-    able = [number for number, row in enumerate(table.rows) if likelier(row, rule)]
-    if not able:
-        return Choice(None)
-    best = max(able, key=lambda number: gain_of(table.rows[number]))
-    return _choice(table, best, able, rule)
+    able = likely(table, rule)
+    return _choice(table, able[0], able, rule) if able else Choice(None)
 
 
 def cases_of(lines: Iterable[dict]) -> Iterator[Case]:
@@ -197,6 +205,22 @@ def compare(cases: Iterable[Case], rule: Rule) -> str:
     return "\n".join([*lines, *head, *differing])
 
 
+def shares(cases: Iterable[Case], rule: Rule) -> str:
+    """How often what the likelihood takes first is right, by the share of the misfit that it explains (the smaller of
+    the fitted and the held-out recordings), by the `rule`, in Markdown."""
+    counts: Counter = Counter()
+    for case in cases:
+        able = likely(case.table, rule)
+        if able:
+            share = case.table.rows[able[0]].gains(rule).share
+            low = max(edge for edge in SHARES if edge <= max(share, 0.0))
+            counts[low, by_likelihood(case.table, rule).outcome(case.missing)] += 1
+    lines = [f"| share from | {' | '.join(OUTCOMES[:-1])} |", "|---|---|---|---|"]
+    for low in SHARES:
+        lines.append(f"| {low:g} | {' | '.join(str(counts[low, end]) for end in OUTCOMES[:-1])} |")
+    return "\n".join(lines)
+
+
 def tally(lines: Iterable[dict]) -> str:
     """What was said of collected `lines`, by family, in Markdown: nothing hidden and `adequate`; one strong or medium
     effect, its name right, in the class, another, or none; two effects, how many of them were named; physics outside
@@ -247,10 +271,14 @@ def main() -> None:
     accept = Rule().accept
     against.add_argument("--lead", type=float, default=accept.lead)
     against.add_argument("--each", type=float, default=accept.lead_each)
-    verbs.add_parser("tally").add_argument("files", type=Path, nargs="+")
+    for verb in ("shares", "tally"):
+        verbs.add_parser(verb).add_argument("files", type=Path, nargs="+")
     options = parser.parse_args()
     if options.verb == "tally":
         sys.stdout.write(tally(lines_of(options.files)) + "\n")
+        return
+    if options.verb == "shares":
+        sys.stdout.write(shares(cases_of(_named_lines(options.files)), Rule()) + "\n")
         return
     if options.verb == "compare":
         rule = Rule().changed({"accept.lead": options.lead, "accept.lead_each": options.each})

@@ -78,7 +78,9 @@ class AcceptanceRule:
     - `least_share`: share of the misfit that all names together must explain, and an effect beside other names, or
       where the model without it is adequate; shares are of the misfit above the floor, and the smaller one of the
       fitted and the held-out recordings counts. Larger: a true second effect is refused; smaller: the form of the first
-      one, or what half resembles an effect, gets a name. By hand; a lower one has not been tried.
+      one, or what half resembles an effect, gets a name. In the first tables of 153 machines of the batches 502 to 506
+      and 601 and of the bank, what the likelihood takes first is right, or in a class with what is, in all eleven
+      that explain 0.3 to 0.5 and in three of eight that explain less (`python -m benchmarks.likelihood shares FILE`).
     - `enough_share`: share after which what is left is more likely the form of what was found: another effect must then
       explain as much of the rest. It is also the share of the power that is enough for a name whose share of the misfit
       is not. Larger: second names beside a right one; smaller: a true second effect is refused. By hand.
@@ -92,7 +94,7 @@ class AcceptanceRule:
 
     lead: float = 3.0
     lead_each: float = 1.0
-    least_share: float = 0.45
+    least_share: float = 0.3
     enough_share: float = 0.8
     waves: float = 1.0
     waves_beside: float = 2.0

@@ -42,6 +42,21 @@ def test_what_does_not_trail_clearly_is_of_the_class():
     assert likelihood.Choice(None).outcome(()) == "none"
 
 
+def test_what_is_taken_first_is_counted_by_the_share_that_it_explains():
+    tables = [
+        table(_row("delay", 50.0, 50.0, (0.95, 0.35)), _row("creep", 49.0, 40.0)),
+        table(_row("delay", 50.0, 50.0, (0.05, 0.9))),
+        table(_row("delay", 50.0, 50.0, clusters=3)),
+    ]
+    cases = [
+        likelihood.Case("", "one", (missing,), "named", one) for missing in ("delay", "x") for one in tables
+    ]
+    lines = likelihood.shares(cases, RULE).splitlines()
+    assert lines[0] == "| share from | right | class | other |"
+    assert "| 0.3 | 1 | 0 | 1 |" in lines and "| 0 | 1 | 0 | 1 |" in lines
+    assert sum("1" in line.split("|", 2)[2] for line in lines) == 2
+
+
 def test_without_clusters_nothing_is_sure():
     assert likelihood.by_likelihood(table(_row("delay", 90.0, 90.0, clusters=3)), RULE).name is None
 
