@@ -48,7 +48,7 @@ from frictionjax.diagnosis.findings.residual_map import (
 )
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
-from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
+from frictionjax.diagnosis.intake.as_asked import case_to_diagnose, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
 from frictionjax.diagnosis.mismatch_map.locate import grid_along
@@ -68,7 +68,7 @@ from frictionjax.diagnosis.table import ModelComparison
 from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Unexplained
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
 from frictionjax.recordings import Case, Plant
-from frictionjax.recordings.given import CaseData, case_of
+from frictionjax.recordings.given import CaseData
 
 _UNDETERMINED = (
     "The base model fits every recording when all are fitted together, but not when only the fit recordings are used. "
@@ -119,7 +119,7 @@ def diagnose(
     unless JAX computes in float64.
     """
     require_x64()
-    whole = accepted(case_of(case, plant=plant), known)
+    whole = case_to_diagnose(case, plant, known)
     rejected = left_out_as_asked(without)
     check(whole, rule=rule, effort=effort)
     threads = ThreadPoolExecutor(os.cpu_count() or 1) if executor is None else None

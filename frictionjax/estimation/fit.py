@@ -19,6 +19,7 @@ from frictionjax.estimation.data.given import (
     require_agreement,
     units_of,
 )
+from frictionjax.estimation.data.moving_mass import pieces_without_moving_mass
 from frictionjax.estimation.data.observation import (
     Observation,
     Sorted,
@@ -115,17 +116,19 @@ def fit(
         _require_positive(one)
     given_data = pieces_of(data)
     plant = plant_of(given_data)
-    pieces = sort_data(given_data)
+    friction, taken_off = pieces_without_moving_mass(given_data)
+    pieces = sort_data(friction)
     imposed = bool(pieces.forces) and not pieces.positions and not pieces.responses
     known_inertia = keeps_inertia(plant, known_inertia, {*(free or ()), *(priors or {}), *(ties or {})})
     for one in given:
         constant = not imposed and "motor_constant" not in (free or ())
         require_agreement(one, plant, motor_constant=constant, inertia=known_inertia)
-    notes = pieces.notes
+    notes = (*pieces.notes, *taken_off)
     if "J" not in fixed and (
         known_inertia or (imposed and _inertia_is_unidentifiable(ties or {}, priors or {}))
     ):
         fixed = (*fixed, "J")
+        free = None if free is None else tuple(name for name in free if name != "J")
         notes += () if known_inertia else (_NO_INERTIA,)
     if encoder_step is None and plant is not None:
         encoder_step = plant.encoder_step

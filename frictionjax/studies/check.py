@@ -21,11 +21,11 @@ from frictionjax.core.json import plain_json
 from frictionjax.diagnosis import diagnose
 from frictionjax.diagnosis.checked import Check, CheckedAnswer, CheckedName, given_name, is_right
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.intake.as_asked import accepted, left_out_as_asked
+from frictionjax.diagnosis.intake.as_asked import case_to_diagnose, left_out_as_asked
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.recordings import Case, Plant
-from frictionjax.recordings.given import CaseData, case_of
+from frictionjax.recordings.given import CaseData
 from frictionjax.studies.axes import Axis
 from frictionjax.studies.design import Factorial
 from frictionjax.studies.diagnosed_case import answer_of, classes_in, kept_of, text_of
@@ -158,7 +158,7 @@ def check_diagnosis(
     """
     require_x64()
     require_studies("check_diagnosis")
-    whole = accepted(case_of(case, plant=plant), known)
+    whole = case_to_diagnose(case, plant, known)
     left_out_as_asked(without)
     if isinstance(machines, bool) or not isinstance(machines, int) or machines < 1:
         raise InputError(f"`machines` is {machines!r}", cure="Give a whole number from 1 on")

@@ -1,5 +1,6 @@
 """`fit` of imposed motions and measured friction forces: recovers known parameters, and a tribometer's loops."""
 
+import dataclasses
 from pathlib import Path
 
 import equinox as eqx
@@ -19,7 +20,7 @@ from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects.constant_load import ConstantLoad
 from frictionjax.physics.effects.maxwell_slip import MaxwellSlip
 from frictionjax.physics.effects.position_dependence import PositionDependence
-from frictionjax.recordings import Recording, load_case
+from frictionjax.recordings import Plant, Recording, load_case
 from frictionjax.simulation import simulate, simulate_imposed
 
 RATE = 1000.0
@@ -143,6 +144,23 @@ def test_standard_errors_are_those_of_repeated_experiments(fitted):
     assert np.all(np.abs(np.mean(z, axis=0)) < 4.0 / np.sqrt(count))
     levels = np.array([[found.noise[name].position for name in ("triangles", "sines")] for found in fits])
     assert np.mean(levels) == pytest.approx(NOISE, rel=0.01)
+
+
+def test_the_force_that_moves_a_known_mass_is_taken_off():
+    """The friction is that of a fit to the friction alone."""
+    plain = forced("sines", sines(), seed=1)
+    part = 2 * np.pi * np.array([0.9, 3.3, 23.0])
+    t = np.arange(SAMPLES)[:, None] / RATE
+    mass = 0.05 * np.sin(part * t) @ (-(part**2) * np.array([0.03, 6e-3, 1e-4]))
+    heavy = dataclasses.replace(plain, force=np.asarray(plain.force) + mass, plant=Plant(inertia=0.05))
+    start = eqx.tree_at(lambda d: d.J, off(0), jnp.asarray(0.05))
+    alone, found = (fit(start, [one], own_starts=False) for one in (plain, heavy))
+    assert np.all(np.abs(away(found)) < 4.0)
+    assert "is taken off the measured force" in found.message
+    for name in LAWS:
+        assert found.parameters[name].value == pytest.approx(
+            alone.parameters[name].value, abs=0.5 * alone.stderr[name]
+        )
 
 
 @pytest.mark.slow

@@ -5,8 +5,16 @@ import difflib
 from collections.abc import Sequence
 
 from frictionjax.core import InputError
+from frictionjax.estimation.data.moving_mass import case_without_moving_mass
 from frictionjax.physics.effects import catalogue
-from frictionjax.recordings import Case, GivenEffect, GivenModel
+from frictionjax.recordings import Case, GivenEffect, GivenModel, Plant
+from frictionjax.recordings.given import CaseData, case_of
+
+
+def case_to_diagnose(data: CaseData, plant: Plant | None, known: Sequence[str]) -> Case:
+    """The case that `data` stands for, as `case_of` has it with the `plant`; with friction alone in what is measured
+    under imposed motions, and with the effects `known` to act in the base model, see `accepted`."""
+    return accepted(case_without_moving_mass(case_of(data, plant=plant)), known)
 
 
 def accepted(case: Case, known: Sequence[str]) -> Case:
