@@ -45,6 +45,7 @@ from frictionjax.diagnosis.table import (
     within,
 )
 
+COMPARISONS = "comparisons.json"
 OUTCOMES = ("right", "class", "other", "none")
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
@@ -150,14 +151,15 @@ def cases_of(lines: Iterable[dict]) -> Iterator[Case]:
 
 
 def collected(batch: Path) -> Iterator[dict[str, Any]]:
-    """A line for each solved case of a `batch`. Raises `BrokenSeal` where the truth or a case was changed."""
+    """A line for each solved case of a `batch`, by `benchmarks.concealed solve` or `frictionjax diagnose`. Raises
+    `BrokenSeal` where the truth or a case was changed, and `FileNotFoundError` where a verdict has no comparisons."""
     truth = open_seal(batch)
     for name, own in sorted(truth["cases"].items()):
         path = batch / SOLVED / name / VERDICT
         if not path.exists():
             continue
         verdict = json.loads(path.read_text(encoding="utf-8"))
-        first = (verdict.get("comparisons") or {}).get("tables", [])[:1]
+        first = _comparisons(path, verdict)[:1]
         for row in (row for table in first for row in table["rows"]):
             row |= {"gains_fit": [], "gains_held_out": []}  # by cluster: nothing here needs them
         yield {
@@ -173,6 +175,14 @@ def collected(batch: Path) -> Iterator[dict[str, Any]]:
             "ceiling": verdict.get("ceiling"),
             "comparisons": {"tables": first},
         }
+
+
+def _comparisons(path: Path, verdict: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of a verdict, which has them itself or, from the command line, in a file beside it."""
+    if verdict["verdict"] == "failed":
+        return []
+    stored = verdict.get("comparisons") or json.loads(path.with_name(COMPARISONS).read_text(encoding="utf-8"))
+    return stored["tables"]
 
 
 def _named_lines(paths: list[Path]) -> Iterator[dict]:

@@ -97,6 +97,13 @@ def test_solved_cases_of_a_batch_become_lines(tmp_path):
     (case,) = likelihood.cases_of([line])
     assert likelihood.by_shares(case.table, RULE).name == "delay"
 
+    # The command line keeps the comparisons in a file beside the verdict.
+    (solved / "verdict.json").write_text(json.dumps({k: v for k, v in said.items() if k != "comparisons"}))
+    with pytest.raises(FileNotFoundError):
+        list(likelihood.collected(tmp_path))
+    (solved / "comparisons.json").write_text(json.dumps(stored))
+    assert list(likelihood.collected(tmp_path)) == [line]
+
 
 def test_what_was_said_is_counted_by_family():
     known = {
