@@ -1,5 +1,6 @@
 """Residual force: the force missing from a model, estimated from the position by a disturbance observer."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -27,7 +28,8 @@ def residual_force(
 
     An observer with a triple pole at p = exp(-2 pi bandwidth dt) has the missing acceleration as a state
     (gains 1 - p^3, 3/2 (1 - p)^2 (1 + p)/dt, (1 - p)^3/dt^2); a shift removes its lag, that of three poles. The
-    last samples, beyond the end of the shifted signal, repeat the last value.
+    last samples, beyond the end of the shifted signal, repeat the last value. Of two coupled inertias it acts on both,
+    in proportion.
 
     **Arguments:**
 
@@ -51,8 +53,17 @@ def residual_force(
         push, position, t = inputs
         innovation = position - drive.measured(state.x, t, state.hidden)
         missing = missing + gain * innovation
+        kept = state.hidden
         state = corrected(drive, bristles.slack, state, innovation, gains)
-        return (advance(drive, bristles, state, push + drive.J * missing, dt, substeps), missing), missing
+        share = drive.J
+        if drive.load_side is not None:
+            # The load goes with the motor: the twist then decays by itself, whatever the coupling, and the poles stay
+            # where they are. Corrected alone, the motor is pulled back by its load before the next sample.
+            own, twist = state.hidden[: drive.state_count], kept[drive.state_count :]
+            moved = jnp.stack([-0.5 * dt, jnp.ones_like(dt)]) * missing * dt
+            state = eqx.tree_at(lambda whole: whole.hidden, state, jnp.concatenate([own, twist + moved]))
+            share = drive.J * (1.0 - drive.load_side.ratio)
+        return (advance(drive, bristles, state, push + share * missing, dt, substeps), missing), missing
 
     first = (state_at(drive, start), jnp.zeros_like(dt))
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt

@@ -128,6 +128,25 @@ def test_the_residual_force_ends_with_the_measurement(sliding):
     assert np.max(np.abs(stopped - short)) > 100.0 * np.max(np.abs(short))
 
 
+@pytest.mark.parametrize(
+    ("ratio", "frequency", "damping"),
+    [(0.77, 15.0, 0.02), (0.5, 20.0, 0.02), (0.77, 60.0, 1.0), (0.5, 5.0, 0.02)],
+)
+def test_the_residual_force_of_coupled_inertias_is_found(ratio, frequency, damping):
+    """Resonances within and above the bandwidth of the observer, light and overdamped."""
+    coupled = STAGE.with_effects(
+        effect("FlexibleTransmission", ratio=ratio, frequency=frequency, damping=damping)
+    )
+    t = np.arange(N) / RATE
+    u = 20.0 * np.sin(2.0 * np.pi * 1.1 * t)  # V: twenty times Coulomb friction
+    missing = 25.0 * (1.0 - np.cos(np.pi * t))  # N
+    run = simulate(coupled, u + missing / 28.0, RATE)
+    force = coupled.applied_force(jnp.asarray(u), DT)
+    found = np.asarray(residual_force(coupled, force, run.x, DT, 25.0, _start(run), substeps=2))
+    later = slice(N // 5, -N // 10)
+    assert np.std(found[later] - missing[later]) < 0.1 * np.std(missing[later])
+
+
 def test_a_wrong_initial_velocity_is_forgotten(sliding):
     force, run = sliding
     x0, v0, z0 = _start(run)
