@@ -7,8 +7,9 @@ from jaxtyping import Array, Float, Int
 
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
+from frictionjax.simulation.load_side import contact
 from frictionjax.simulation.observer import ObserverGains, corrected
-from frictionjax.simulation.ros2 import Substeps, advance
+from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
 
@@ -53,17 +54,12 @@ def residual_force(
         push, position, t = inputs
         innovation = position - drive.measured(state.x, t, state.hidden)
         missing = missing + gain * innovation
-        kept = state.hidden
         state = corrected(drive, bristles.slack, state, innovation, gains)
-        share = drive.J
-        if drive.load_side is not None:
-            # The load goes with the motor: the twist then decays by itself, whatever the coupling, and the poles stay
-            # where they are. Corrected alone, the motor is pulled back by its load before the next sample.
-            own, twist = state.hidden[: drive.state_count], kept[drive.state_count :]
-            moved = jnp.stack([-0.5 * dt, jnp.ones_like(dt)]) * missing * dt
-            state = eqx.tree_at(lambda whole: whole.hidden, state, jnp.concatenate([own, twist + moved]))
-            share = drive.J * (1.0 - drive.load_side.ratio)
-        return (advance(drive, bristles, state, push + share * missing, dt, substeps), missing), missing
+        state, share = _moved(drive, state, missing, dt)
+        return (
+            advance(drive, bristles, state, push + share * drive.J * missing, dt, substeps),
+            missing,
+        ), missing
 
     first = (state_at(drive, start), jnp.zeros_like(dt))
     t = jnp.arange(x.shape[0], dtype=x.dtype) * dt
@@ -72,6 +68,20 @@ def residual_force(
     end = x.shape[0] if measured is None else measured
     later = jnp.clip(jnp.arange(x.shape[0]) + lag, 0, end - 1)
     return drive.J * missing[later]
+
+
+def _moved(
+    drive: Drive, state: DriveState, missing: Float[Array, ""], dt: Float[Array, ""]
+) -> tuple[DriveState, Float[Array, ""]]:
+    """The `state` in which a load that is in contact has the `missing` acceleration of a sample of `dt` s, too, and the
+    share of the inertia that is left for the motor to be accelerated by."""
+    if drive.load_side is None:
+        return state, jnp.ones_like(dt)
+    own, load = state.hidden[: drive.state_count], state.hidden[drive.state_count :]
+    _, touching = contact(drive.load_side, load)
+    ahead = touching * missing * dt * jnp.stack([-0.5 * dt, jnp.ones_like(dt)])
+    hidden = jnp.concatenate([own, load + ahead])
+    return eqx.tree_at(lambda whole: whole.hidden, state, hidden), 1.0 - drive.load_side.ratio
 
 
 def residual_force_std(noise: float, inertia: float, dt: float, bandwidth: float) -> float:

@@ -18,6 +18,7 @@ from frictionjax.core.arrays import Numbers, known
 from frictionjax.core.programs import compiled
 from frictionjax.physics import Drive, Push
 from frictionjax.simulation.fixed import Start, state_at
+from frictionjax.simulation.load_side import contact
 from frictionjax.simulation.ros2 import DriveState, Substeps, advance
 from frictionjax.simulation.samples import scan_samples
 
@@ -144,23 +145,25 @@ def corrected(
     stuck = jnp.maximum(0.0, 1.0 - jnp.abs(drive.slip(spring / level, v)))
     bent = jnp.abs(state.elements) / (slack[1:] * level / drive.friction.sigma0)
     elements = state.elements + further * jnp.maximum(0.0, 1.0 - bent)
-    hidden = _load_kept(drive, hidden, further, faster)
+    hidden = _load_carried(drive, hidden, further, faster)
     return DriveState(x, v, state.bristle + further * stuck, elements, hidden)
 
 
-def _load_kept(
+def _load_carried(
     drive: Drive, hidden: Float[Array, " m"], further: Float[Array, ""], faster: Float[Array, ""]
 ) -> Float[Array, " m"]:
-    """The `hidden` states when the motor is corrected by `further` and `faster`: the absolute motion of the load is
-    kept.
+    """The `hidden` states when the motor is corrected by `further` and `faster`: a load in contact goes with it, one
+    within a gap stays where it is.
 
-    If the load were corrected with the motor, the twist of the coupling would never be corrected. This way it is
-    corrected as fast as the motor, and the spring makes the load observable.
+    A load that stays behind pulls the motor back through a stiff or damped coupling before the next sample. Part of the
+    correction is lost, the observer gets slower, or unstable, and a second inertia that is not there would be credited
+    with the noise that a slower observer lets through less. The twist is not corrected: it decays by itself.
     """
     if drive.load_side is None:
         return hidden
     own, load = hidden[: drive.state_count], hidden[drive.state_count :]
-    return jnp.concatenate([own, load - jnp.stack([further, faster])])
+    _, touching = contact(drive.load_side, load)
+    return jnp.concatenate([own, load - (1.0 - touching) * jnp.stack([further, faster])])
 
 
 def corrected_states(drive: Drive, observed: ObservedMotion, gains: ObserverGains) -> DriveState:
