@@ -75,15 +75,16 @@ class AcceptanceRule:
     - `lead_each`: standard errors by which it must be likelier on the fitted and on the held-out recordings alone.
       Larger: what only a few seconds of one set show is refused; smaller: what the held-out recordings do not repeat
       gets a name (`python -m benchmarks.likelihood compare --each N`).
-    - `least_share`: share of the misfit that all names together must explain, and an effect beside other names, or
-      where the model without it is adequate; shares are of the misfit above the floor, and the smaller one of the
-      fitted and the held-out recordings counts. Larger: a true second effect is refused; smaller: the form of the first
-      one, or what half resembles an effect, gets a name. In the first tables of 153 machines of the batches 502 to 506
-      and 601 and of the bank, what the likelihood takes first is right, or in a class with what is, in all eleven
-      that explain 0.3 to 0.5 and in three of eight that explain less (`python -m benchmarks.likelihood shares FILE`).
+    - `least_share`: share of the misfit that all names together must explain, and an effect beside other names; shares
+      are of the misfit above the floor, and the smaller one of the fitted and the held-out recordings counts. Larger: a
+      true second effect is refused; smaller: the form of the first one, or what half resembles an effect, gets a name.
+      In the first tables of 153 machines of the batches 502 to 505 and 601 and of the bank, what the likelihood takes
+      first is right, or in a class with what is, in all eleven that explain 0.3 to 0.5 and in three of eight that
+      explain less (`python -m benchmarks.likelihood shares FILE`).
     - `enough_share`: share after which what is left is more likely the form of what was found: another effect must then
-      explain as much of the rest. It is also the share of the power that is enough for a name whose share of the misfit
-      is not. Larger: second names beside a right one; smaller: a true second effect is refused. By hand.
+      explain as much of the rest, and so must an effect beside a model that is adequate. It is also the share of the
+      power that is enough for a name whose share of the misfit is not. Larger: second names beside a right one;
+      smaller: a true second effect is refused. By hand.
     - `waves`: periods of a periodic effect that the stroke must hold. Larger: ripples on short strokes are lost;
       smaller: a wave that bends to any force that depends on the position is accepted. By hand.
     - `waves_beside`: the same beside another force, to whose remainder a wave and its overtone bend. By hand (commit

@@ -275,7 +275,7 @@ PROBES: dict[str, list[Probe]] = {
     "floor.energy_quantile": [(_energy, (0.92, 0.92))],
     "accept.lead": [(_accepts(leads=(2.0, 2.0)), False), (_accepts(leads=(2.5, 2.5)), True)],
     "accept.lead_each": [(_accepts(leads=(9.0, 0.8)), False), (_accepts(leads=(9.0, 1.2)), True)],
-    "accept.least_share": [(_beside(row((0.9, 0.4))), None), (_beside(row((0.5, 0.9))), 0)],
+    "accept.least_share": [(_beside(row((0.9, 0.25))), None), (_beside(row((0.35, 0.9))), 0)],
     "accept.enough_share": [
         (lambda rule: only_complete(Round(table(row((0.7, 0.9))), 0), rule).accepted, None),
         (lambda rule: only_complete(Round(table(row((0.9, 0.9))), 0), rule).accepted, 0),

@@ -5,7 +5,7 @@ import numpy as np
 from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained
 from frictionjax.diagnosis.evidence.model import has_contacts
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Lead, ModelComparison, paired_lead
+from frictionjax.diagnosis.table import Both, Lead, ModelComparison, paired_lead
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect
 
 _SHORTEST = 1e-200  # of a period: what has none is periodic as often as one likes
@@ -19,6 +19,7 @@ def compare(
     added: AbstractEffect | None = None,
     p_value: float = 0.0,
     makes_credible: bool = False,
+    ahead: Both | None = None,
     rule: Rule = Rule(),
 ) -> ModelComparison:
     """`after` against `before`, above the `floor` of each block.
@@ -29,7 +30,7 @@ def compare(
     - `floor`: power of each block that a perfect model would leave.
     - `added`: the effect that is added; None where several are.
     - `p_value`: of the score test of the effect that is added; 0 where it has passed one before.
-    - `makes_credible`: as in `ModelComparison`.
+    - `makes_credible`, `ahead`: as in `ModelComparison`.
     - `rule`: for what enters the comparison itself (`Rule.floor`).
     """
     held = before.held_out
@@ -54,6 +55,7 @@ def compare(
         gains_fit=tuple(gains[~held][scored[~held]].tolist()),
         gains_held_out=tuple(gains[held][scored[held]].tolist()),
         makes_credible=makes_credible,
+        ahead=ahead,
     )
 
 

@@ -5,9 +5,10 @@ import math
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
+from frictionjax.diagnosis.evidence.ahead import held_out_ahead
+from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.views import View, held_out_error, view
+from frictionjax.diagnosis.evidence.views import View, held_out_error
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import OtherDecision
 
@@ -35,13 +36,8 @@ def with_and_without_input(model: Model, predicted: View, scene: Scene) -> Other
     error = held_out_error(predicted, scene)
     if scene.batch.imposed:
         return OtherDecision(INPUT, {"error": error, "error_without_input": math.inf})
-    own, rows = model.judgement, np.flatnonzero(scene.held_out)
-    driven = scene.of(rows)
-    u = np.zeros_like(np.asarray(driven.batch.u))  # type: ignore[attr-defined]
-    held_out = eqx.tree_at(lambda s: s.batch.u, driven, u)
-    batch = held_out.batch
-    alone = Judgement(own.drive, own.deflection[rows], own.power[rows], own.held_out[rows], batch)
-    without = held_out_error(view(alone, held_out), held_out)
+    u = np.zeros_like(np.asarray(scene.batch.u))  # type: ignore[attr-defined]
+    without = held_out_ahead(model, eqx.tree_at(lambda s: s.batch.u, scene, u))
     return OtherDecision(INPUT, {"error": error, "error_without_input": without})
 
 

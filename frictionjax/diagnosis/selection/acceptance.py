@@ -1,8 +1,10 @@
 """Acceptance: which candidate of a table enters the model, as a function of the table and the rule alone."""
 
+from collections.abc import Collection
+
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
-from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, within
+from frictionjax.diagnosis.table import Both, ComparisonTable, Lead, ModelComparison, within
 
 _NOT_COMPLETE = "what is named explains nearly all of the misfit; of the rest this effect explains too little"
 
@@ -13,7 +15,7 @@ def acceptable(row: ModelComparison, rule: Rule, *, least_share: float = 0.0) ->
     The model with it must be clearly likelier on all recordings, and likelier on those that it was fitted to and on the
     held-out ones, which determined nothing of it. What is periodic along the stroke must be recorded to repeat in it.
     Beside other names, or where the model without it is adequate, it must explain at least a `least_share` of the
-    misfit.
+    misfit (`least_share_of`).
     """
     gains = row.gains(rule)
     if not gains.repeats:
@@ -43,9 +45,11 @@ def likelier(row: ModelComparison, rule: Rule) -> bool:
 
 def least_share_of(table: ComparisonTable, rule: Rule) -> float:
     """Share of the misfit that a candidate of the `table` must explain, by the `rule`: none where it is the first name
-    of a model that misses something."""
-    adequate = all(within(table.misfits, table.misfit_errors, rule.limits.adequate, rule))
-    return rule.accept.least_share if adequate or not table.is_first else 0.0
+    of a model that misses something, and nearly all where the model without it is adequate, as what it left would
+    otherwise count as unknown."""
+    if all(within(table.misfits, table.misfit_errors, rule.limits.adequate, rule)):
+        return rule.accept.enough_share
+    return 0.0 if table.is_first else rule.accept.least_share
 
 
 def explains_enough(whole: ModelComparison, rule: Rule) -> bool:
@@ -59,16 +63,30 @@ def explains_enough(whole: ModelComparison, rule: Rule) -> bool:
     )
 
 
+def predicts_ahead(ahead: Both | None, before: Both | None) -> bool:
+    """Whether a model predicts held-out positions 0.1 s ahead at least as well as the one without its last effect.
+
+    Innovations are those of an observer, sample by sample, and an effect can make them smaller by what it does to the
+    observer, or by following the colour of a sensor's noise. What is there is predicted farther ahead, too.
+
+    **Arguments:** `ahead` of the model, as in `ModelComparison`, against the base model; `before`, that of the one
+    without, None where that is the base model itself.
+    """
+    return ahead is None or ahead[1] <= (ahead[0] if before is None else before[1])
+
+
 def ranked(table: ComparisonTable, rule: Rule) -> list[int]:
     """The rows of the `table`, the one that explains most first, by the `rule`."""
     return sorted(range(len(table.rows)), key=lambda row: -table.rows[row].gains(rule).worth)
 
 
-def choose(table: ComparisonTable, rule: Rule) -> Round:
+def choose(table: ComparisonTable, rule: Rule, refused: Collection[int] = ()) -> Round:
     """The round in which the likeliest acceptable candidate of the `table` is accepted, by the `rule`: that with the
-    largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike)."""
+    largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike). Rows that were
+    `refused` are left out."""
     least = least_share_of(table, rule)
-    may = [row for row, own in enumerate(table.rows) if acceptable(own, rule, least_share=least)[0]]
+    rows = [(row, own) for row, own in enumerate(table.rows) if row not in refused]
+    may = [row for row, own in rows if acceptable(own, rule, least_share=least)[0]]
     if not may:
         return Round(table, None)
     accepted = max(may, key=lambda row: gain_of(table.rows[row]))

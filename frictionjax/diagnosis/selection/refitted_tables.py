@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.effort import Effort
+from frictionjax.diagnosis.evidence.ahead import held_out_ahead
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
@@ -92,6 +93,9 @@ class RefittedTables:
         self._settled: dict[str, Refitted] = {}
         self._rest: dict[tuple[str, ...], Model] = {}
         self._single: dict[tuple[str, ...], ModelComparison] = {}
+        self._errors: dict[
+            int, tuple[Model, float]
+        ] = {}  # with the model: its number is its own while it is there
 
     def candidates(self, number: int, chain: Sequence[Round]) -> ComparisonTable:
         """As in `Tables`: of this `number`, after the `chain`."""
@@ -111,7 +115,7 @@ class RefittedTables:
         """As in `Tables`, of the `chain`."""
         last = next(one for one in reversed(chain) if one.accepted is not None)
         base, floor = self._made[chain[0].table.key].before, self._made[chain[-1].table.key].ground.floor
-        return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor)
+        return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor, ahead=True)
 
     def all_recordings(self, first: Round) -> ModelComparison:
         """As in `Tables`, of the round `first`."""
@@ -245,8 +249,11 @@ class RefittedTables:
         after: Model,
         floor: np.ndarray,
         added: AbstractEffect | None = None,
+        *,
+        ahead: bool = False,
     ) -> ModelComparison:
-        """One comparison, kept as a table of one row; its effect has passed its test before."""
+        """One comparison, kept as a table of one row, with errors 0.1 s `ahead` where asked; its effect has passed its
+        test before."""
         if asked in self._single:
             return self._single[asked]
         row = self._single[asked] = compare(
@@ -255,11 +262,22 @@ class RefittedTables:
             floor,
             added=added,
             makes_credible=made_credible(before, [after], self._rule)[0],
+            ahead=self._ahead(before, after) if ahead else None,
             rule=self._rule,
         )
         key, chaotic, imposed = f"t{len(self.tables)}", is_chaotic(before), before.posterior.batch.imposed
         self.tables.append(table_of_one(key, asked, row, chaotic=chaotic, imposed=imposed))
         return row
+
+    def _ahead(self, *models: Model) -> tuple[float, float] | None:
+        """The held-out error of both `models` 0.1 s ahead."""
+        if models[0].posterior.batch.imposed:
+            return None
+        for one in models:
+            if id(one) not in self._errors:
+                self._errors[id(one)] = (one, held_out_ahead(one))
+        before, after = (self._errors[id(one)][1] for one in models)
+        return before, after
 
 
 def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str, float]) -> Model:

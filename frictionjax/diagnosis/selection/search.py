@@ -5,7 +5,7 @@ refits (`refitted_tables`), or of one that looks up what was stored (`stored_tab
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol, runtime_checkable
 
 from frictionjax.diagnosis.rule import Rule
@@ -15,6 +15,7 @@ from frictionjax.diagnosis.selection.acceptance import (
     choose,
     explains_enough,
     only_complete,
+    predicts_ahead,
 )
 from frictionjax.diagnosis.selection.confidence import Evidence, evidence_of
 from frictionjax.diagnosis.selection.round import Round, dropping
@@ -23,6 +24,7 @@ from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, within
 from frictionjax.diagnosis.verdict import Verdict
 
 _TOO_LITTLE = "clearly likelier, but all that was found explains too little of the misfit to be named"
+_NOT_AHEAD = "clearly likelier one sample ahead, but held-out recordings are predicted worse 0.1 s ahead"
 _NOT_NEEDED = "not needed: refitted to all recordings, the base model reaches the noise floor"
 
 
@@ -114,7 +116,7 @@ class Search:
 
     def run(self) -> list[Round]:
         """The rounds: each with an accepted candidate, but for a last one in which nothing was."""
-        first = self._accept(self.tables.candidates(0, ()))
+        first = self._next(self.tables.candidates(0, ()), [])
         if self._is_open(first):
             return [dropping(first, _NOT_NEEDED, together=True)]
         if first.accepted is None:
@@ -124,8 +126,23 @@ class Search:
             return chain
         return [dropping(first, _TOO_LITTLE)]
 
-    def _accept(self, table: ComparisonTable) -> Round:
-        found = choose(table, self.rule)
+    def _next(self, table: ComparisonTable, chain: list[Round], *, complete: bool = False) -> Round:
+        """The round of the `table` after the `chain`, which may be `complete`, with the likeliest candidate that
+        predicts held-out recordings 0.1 s ahead, too."""
+        refused: list[int] = []
+        while True:
+            found = self._accept(table, refused)
+            if complete:
+                found = only_complete(found, self.rule)
+            if found.accepted is None:
+                return dropping(found, _NOT_AHEAD) if refused else found
+            before = self.tables.whole(chain).ahead if chain else None
+            if predicts_ahead(self.tables.whole([*chain, found]).ahead, before):
+                return found
+            refused.append(found.accepted)
+
+    def _accept(self, table: ComparisonTable, refused: Collection[int] = ()) -> Round:
+        found = choose(table, self.rule, refused)
         return found if found.accepted is None else self._settled(found, found.accepted)
 
     def _settled(self, found: Round, row: int) -> Round:
@@ -161,10 +178,8 @@ class Search:
             at_the_noise = adequate(whole.misfits_after, whole.misfit_errors, self.rule)
             if at_the_noise or self._leaves_chaos(whole):
                 break
-            found = self._accept(self.tables.candidates(number, chain))
             complete = share > self.rule.accept.enough_share
-            if complete:
-                found = only_complete(found, self.rule)
+            found = self._next(self.tables.candidates(number, chain), chain, complete=complete)
             if found.accepted is None:
                 changed = None if complete else self.instead(chain, found)
                 if changed is None:
