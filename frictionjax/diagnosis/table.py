@@ -92,8 +92,8 @@ class ModelComparison:
     (parameters of `after`), `chaotic` (whether `after` has a gap), `p_value` (score test of the effect, Bonferroni over
     its forms and grid), `gains_fit`, `gains_held_out` (difference of the losses by cluster), `makes_credible` (whether
     `before` predicts no better than no model and `after` does, by the rule with which the table was made), `ahead`
-    (error of the held-out positions 0.1 s ahead, over their noise, of `before` and `after`; None where it was not asked
-    for, and where the motion is imposed).
+    (lead over the model without its last effect in the logarithms of the errors of held-out positions 0.1 s ahead; None
+    where it was not asked for, and where the motion is imposed).
     """
 
     before: tuple[str, ...]
@@ -114,7 +114,7 @@ class ModelComparison:
     gains_fit: tuple[float, ...] = ()
     gains_held_out: tuple[float, ...] = ()
     makes_credible: bool = False
-    ahead: Both | None = None
+    ahead: Lead | None = None
 
     def gains(self, rule: Rule) -> Improvement:
         """What the comparison says by the `rule`."""
@@ -273,7 +273,7 @@ def _comparison_of(content: Mapping[str, Any]) -> ModelComparison:
             **content,
             **{name: _both(content[name]) for name in pairs},
             **{name: tuple(content[name]) for name in lists},
-            "ahead": _both(content["ahead"]) if content.get("ahead") else None,
+            "ahead": Lead(**content["ahead"]) if content.get("ahead") else None,
             "fit": Lead(**content["fit"]),
             "held_out": Lead(**content["held_out"]),
             "waves": tuple(

@@ -5,7 +5,7 @@ import numpy as np
 from frictionjax.diagnosis.evidence.judgement import Judgement, by_cluster, energy_explained
 from frictionjax.diagnosis.evidence.model import has_contacts
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.table import Both, Lead, ModelComparison, paired_lead
+from frictionjax.diagnosis.table import Lead, ModelComparison, paired_lead
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect
 
 _SHORTEST = 1e-200  # of a period: what has none is periodic as often as one likes
@@ -19,7 +19,7 @@ def compare(
     added: AbstractEffect | None = None,
     p_value: float = 0.0,
     makes_credible: bool = False,
-    ahead: Both | None = None,
+    ahead: Lead | None = None,
     rule: Rule = Rule(),
 ) -> ModelComparison:
     """`after` against `before`, above the `floor` of each block.

@@ -8,7 +8,7 @@ import numpy as np
 from frictionjax.diagnosis.evidence.ahead import held_out_ahead
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.views import View, held_out_error
+from frictionjax.diagnosis.evidence.views import View, held_out_error, root_mean_square
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import OtherDecision
 
@@ -37,7 +37,7 @@ def with_and_without_input(model: Model, predicted: View, scene: Scene) -> Other
     if scene.batch.imposed:
         return OtherDecision(INPUT, {"error": error, "error_without_input": math.inf})
     u = np.zeros_like(np.asarray(scene.batch.u))  # type: ignore[attr-defined]
-    without = held_out_ahead(model, eqx.tree_at(lambda s: s.batch.u, scene, u))
+    without = root_mean_square(held_out_ahead(model, eqx.tree_at(lambda s: s.batch.u, scene, u)))
     return OtherDecision(INPUT, {"error": error, "error_without_input": without})
 
 

@@ -214,15 +214,26 @@ def _ahead(drive: Drive, found: _Along, piece: Piece, batch: Batch, horizon: int
     return whole
 
 
-def held_out_error(predicted: View, scene: Scene) -> float:
-    """Root mean square error of what a model `predicted` for the held-out recordings of the `scene`, each in units of
-    its noise: of the position 0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run
-    overflows."""
+def errors_ahead(predicted: View, scene: Scene) -> Float[np.ndarray, "r n"]:
+    """Errors of what a model `predicted` for the held-out recordings of the `scene`, each in units of its noise: of the
+    position 0.1 s ahead, or of the force in a free run along an imposed motion; infinite where a run overflows, NaN
+    where nothing is held out."""
     batch = scene.batch
     measured, model = np.asarray(batch.answer), predicted.free if batch.imposed else predicted.ahead
+    errors = (model - measured) / np.asarray(batch.noise)[:, None]
     scored = (np.asarray(batch.valid) > 0) & scene.held_out[:, None]
-    errors = ((model - measured) / np.asarray(batch.noise)[:, None])[scored]
-    value = float(np.sqrt(np.mean(errors**2)))
+    return np.where(scored, np.nan_to_num(errors, nan=np.inf), np.nan)
+
+
+def held_out_error(predicted: View, scene: Scene) -> float:
+    """Root mean square of the `errors_ahead`; infinite where a run overflows."""
+    return root_mean_square(errors_ahead(predicted, scene))
+
+
+def root_mean_square(errors: Float[np.ndarray, "..."]) -> float:
+    """Root mean square of the `errors` that are not NaN, infinite where one overflows."""
+    with np.errstate(over="ignore"):
+        value = float(np.sqrt(np.nanmean(errors**2)))
     return value if np.isfinite(value) else float("inf")
 
 

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
-from frictionjax.diagnosis.table import Both, ComparisonTable, Lead, ModelComparison, within
+from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, within
 
 _NOT_COMPLETE = "what is named explains nearly all of the misfit; of the rest this effect explains too little"
 
@@ -63,16 +63,14 @@ def explains_enough(whole: ModelComparison, rule: Rule) -> bool:
     )
 
 
-def predicts_ahead(ahead: Both | None, before: Both | None) -> bool:
-    """Whether a model predicts held-out positions 0.1 s ahead at least as well as the one without its last effect.
+def predicts_ahead(row: ModelComparison) -> bool:
+    """Whether the model of a `row` predicts held-out positions 0.1 s ahead at least as well as the one without its last
+    effect.
 
     Innovations are those of an observer, sample by sample, and an effect can make them smaller by what it does to the
     observer, or by following the colour of a sensor's noise. What is there is predicted farther ahead, too.
-
-    **Arguments:** `ahead` of the model, as in `ModelComparison`, against the base model; `before`, that of the one
-    without, None where that is the base model itself.
     """
-    return ahead is None or ahead[1] <= (ahead[0] if before is None else before[1])
+    return row.ahead is None or row.ahead.total >= 0.0
 
 
 def ranked(table: ComparisonTable, rule: Rule) -> list[int]:
@@ -83,7 +81,9 @@ def ranked(table: ComparisonTable, rule: Rule) -> list[int]:
 def choose(table: ComparisonTable, rule: Rule, refused: Collection[int] = ()) -> Round:
     """The round in which the likeliest acceptable candidate of the `table` is accepted, by the `rule`: that with the
     largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike). Rows that were
-    `refused` are left out."""
+    `refused` are left out. A model whose misfits are adequate without any allowance for chance lacks nothing."""
+    if max(table.misfits) <= rule.limits.adequate:
+        return Round(table, None)
     least = least_share_of(table, rule)
     rows = [(row, own) for row, own in enumerate(table.rows) if row not in refused]
     may = [row for row, own in rows if acceptable(own, rule, least_share=least)[0]]
@@ -113,7 +113,10 @@ def best_likelier(table: ComparisonTable, rule: Rule) -> int | None:
 
 
 def only_complete(found: Round, rule: Rule) -> Round:
-    """The round `found`, with nothing accepted unless it explains nearly all of what was left, by the `rule`."""
+    """The round `found`, with nothing accepted unless it explains nearly all of what was left, or leaves an adequate
+    model, by the `rule`."""
     if found.accepted is None or found.row.gains(rule).share > rule.accept.enough_share:
         return found
-    return dropping(found, _NOT_COMPLETE)
+    row = found.row
+    complete = all(within(row.misfits_after, row.misfit_errors, rule.limits.adequate, rule))
+    return found if complete else dropping(found, _NOT_COMPLETE)

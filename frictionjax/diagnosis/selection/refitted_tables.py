@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.evidence.ahead import held_out_ahead
+from frictionjax.diagnosis.evidence.ahead import held_out_ahead, lead_ahead
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
@@ -30,7 +30,7 @@ from frictionjax.diagnosis.selection.stored_tables import (
     asked_of_rebuilt,
     asked_of_whole,
 )
-from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, table_of_one
+from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, table_of_one
 from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
@@ -93,9 +93,8 @@ class RefittedTables:
         self._settled: dict[str, Refitted] = {}
         self._rest: dict[tuple[str, ...], Model] = {}
         self._single: dict[tuple[str, ...], ModelComparison] = {}
-        self._errors: dict[
-            int, tuple[Model, float]
-        ] = {}  # with the model: its number is its own while it is there
+        # With the model: its number is its own while it is there.
+        self._errors: dict[int, tuple[Model, np.ndarray]] = {}
 
     def candidates(self, number: int, chain: Sequence[Round]) -> ComparisonTable:
         """As in `Tables`: of this `number`, after the `chain`."""
@@ -115,7 +114,9 @@ class RefittedTables:
         """As in `Tables`, of the `chain`."""
         last = next(one for one in reversed(chain) if one.accepted is not None)
         base, floor = self._made[chain[0].table.key].before, self._made[chain[-1].table.key].ground.floor
-        return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor, ahead=True)
+        rest = [one for one in chain if one.accepted is not None and one is not last]
+        without = self.accepted(rest[-1]).model if rest else base
+        return self._against(asked_of_whole(chain), base, self.accepted(last).model, floor, without=without)
 
     def all_recordings(self, first: Round) -> ModelComparison:
         """As in `Tables`, of the round `first`."""
@@ -250,10 +251,10 @@ class RefittedTables:
         floor: np.ndarray,
         added: AbstractEffect | None = None,
         *,
-        ahead: bool = False,
+        without: Model | None = None,
     ) -> ModelComparison:
-        """One comparison, kept as a table of one row, with errors 0.1 s `ahead` where asked; its effect has passed its
-        test before."""
+        """One comparison, kept as a table of one row, with the lead 0.1 s ahead over the model `without` the last
+        effect; its effect has passed its test before."""
         if asked in self._single:
             return self._single[asked]
         row = self._single[asked] = compare(
@@ -262,22 +263,23 @@ class RefittedTables:
             floor,
             added=added,
             makes_credible=made_credible(before, [after], self._rule)[0],
-            ahead=self._ahead(before, after) if ahead else None,
+            ahead=None if without is None else self._ahead(without, after),
             rule=self._rule,
         )
         key, chaotic, imposed = f"t{len(self.tables)}", is_chaotic(before), before.posterior.batch.imposed
         self.tables.append(table_of_one(key, asked, row, chaotic=chaotic, imposed=imposed))
         return row
 
-    def _ahead(self, *models: Model) -> tuple[float, float] | None:
-        """The held-out error of both `models` 0.1 s ahead."""
-        if models[0].posterior.batch.imposed:
+    def _ahead(self, before: Model, after: Model) -> Lead | None:
+        """The lead of `after` over `before` 0.1 s ahead."""
+        batch = before.posterior.batch
+        if batch.imposed:
             return None
-        for one in models:
+        for one in (before, after):
             if id(one) not in self._errors:
                 self._errors[id(one)] = (one, held_out_ahead(one))
-        before, after = (self._errors[id(one)][1] for one in models)
-        return before, after
+        old, new = (self._errors[id(one)][1] for one in (before, after))
+        return lead_ahead(old, new, np.asarray(batch.dt)[before.judgement.held_out])
 
 
 def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str, float]) -> Model:

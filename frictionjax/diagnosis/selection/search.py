@@ -136,8 +136,7 @@ class Search:
                 found = only_complete(found, self.rule)
             if found.accepted is None:
                 return dropping(found, _NOT_AHEAD) if refused else found
-            before = self.tables.whole(chain).ahead if chain else None
-            if predicts_ahead(self.tables.whole([*chain, found]).ahead, before):
+            if predicts_ahead(self.tables.whole([*chain, found])):
                 return found
             refused.append(found.accepted)
 

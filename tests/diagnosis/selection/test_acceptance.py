@@ -66,6 +66,13 @@ def test_a_candidate_must_be_likelier_on_all_recordings_and_on_both_sets():
         assert acceptable(candidate((0.9, 0.55), leads=leads, p_value=1.0), RULE)[0] == enough
 
 
+@pytest.mark.parametrize(("factor", "accepted"), [(0.95, None), (1.05, 0)])
+def test_a_model_that_is_adequate_without_allowing_for_chance_lacks_nothing(factor, accepted):
+    low = (factor * RULE.limits.adequate, 0.0)
+    found = candidate((1.0, 1.0), before=low)
+    assert choose(table(found, misfits=low, misfit_errors=(1.0, 1.0)), RULE).accepted == accepted
+
+
 def test_too_few_clusters_show_nothing():
     few = Lead(9.0, 1.0, RULE.accept.least_clusters - 1)
     for lead in ("fit", "held_out"):

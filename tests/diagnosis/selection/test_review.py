@@ -115,6 +115,9 @@ def test_after_nearly_all_only_what_ends_it_is_named(two):
         after = only_complete(Round(table, 0), RULE)
         assert (after.accepted is not None) == stays
         assert bool(after.dropped) != stays
+    # Or what leaves an adequate model, however little it was that was left.
+    row = dataclasses.replace(_row(found.row, 0.95, 0.65), misfits_after=(0.0, 0.5 * RULE.limits.adequate))
+    assert only_complete(Round(dataclasses.replace(found.table, rows=(row,)), 0), RULE).accepted == 0
     nothing = Round(found.table, None)
     assert only_complete(nothing, RULE) is nothing
 
