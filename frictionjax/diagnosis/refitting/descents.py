@@ -155,6 +155,14 @@ def from_the_balance(start: RefitStart, trial: Trial, balanced: Balanced) -> Can
     return min(ends, key=lambda one: one.fitted.misfit)
 
 
+def from_before(start: RefitStart, trial: Trial, found: Model) -> CandidateDescent:
+    """The candidate of a `trial` from where it was `found` by observers with other gains."""
+    posterior, _ = start.extended(trial)
+    budget, vector = start.effort.refitting, found.fitted.vector
+    fitted = descend(posterior, vector, graduate=False, steps=budget.steps, tolerance=budget.tolerance)
+    return CandidateDescent(trial, posterior, fitted)
+
+
 def behind_a_gap(start: RefitStart, trial: Trial) -> CandidateDescent | None:
     """The candidate of a `trial` with a gap, searched; None where no gap predicts sliding better."""
     posterior, vector = start.extended(trial)

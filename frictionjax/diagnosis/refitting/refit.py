@@ -20,6 +20,7 @@ from frictionjax.diagnosis.refitting.descents import (
     at_the_resonance,
     behind_a_gap,
     first_descent,
+    from_before,
     from_the_balance,
     further,
     with_slow_observer,
@@ -47,6 +48,7 @@ class Hints:
     - `base_effects`: how many effects the base model has.
     - `balanced`: gives the trials of forces that the force balance asks for, each with what it says (`force_balance`);
       called only where refits are stuck.
+    - `before`: trials whose candidates were refitted before, with observers of other gains, and what was found.
     """
 
     pair: Pair | None = None
@@ -55,6 +57,7 @@ class Hints:
     stick_inertia: float | None = None
     base_effects: int = 0
     balanced: Callable[[], Sequence[tuple[Trial, Balanced]]] = tuple
+    before: Sequence[tuple[Trial, Model]] = ()
 
 
 def refit_all(
@@ -75,6 +78,7 @@ def refit_all(
     look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
     started, with as much of the effect as its test promised, or as the resonance shows; and so are the absorbed ones,
     from a plain size and the base parameters that undo most of it, and those that the force balance asks for, from it.
+    What was refitted before starts from there, too.
 
     **Arguments:**
 
@@ -93,6 +97,7 @@ def refit_all(
     candidates = _best_of_each_form(_longest_first(executor, start, trials))
     candidates = _foremost(candidates, start, budget.lagging)
     candidates = list(executor.map(lambda one: further(start, one), candidates))
+    candidates += executor.map(lambda pair: from_before(start, *pair), hints.before)
     candidates = _from_other_starts(candidates, trials, start, hints, executor)
     finalists = _near_the_best(candidates, start)
     return list(executor.map(lambda one: with_slow_observer(start, one), finalists))
@@ -107,9 +112,12 @@ def refit_balanced(
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> list[Refitted]:
-    """Refits of the forces alone that the force balance asks for, from it; arguments as in `refit_all`."""
+    """Refits of the forces alone that the force balance asks for, from it, and from where they were refitted before;
+    arguments as in `refit_all`."""
     start = _start(model, scales, hints, None, rule, effort)
     candidates = list(executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced()))
+    candidates += executor.map(lambda pair: from_before(start, *pair), hints.before)
+    candidates = _best_of_each_form(candidates)
     return list(executor.map(lambda one: with_slow_observer(start, one), candidates))
 
 

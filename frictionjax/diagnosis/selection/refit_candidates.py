@@ -28,7 +28,7 @@ from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
 from frictionjax.estimation.start.force_balance import Balanced
-from frictionjax.physics.effects import catalogue
+from frictionjax.physics.effects import AbstractEffect, catalogue
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +40,8 @@ class CandidateRefitter:
     or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
     not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives the forces that the force
     balance asks for), `rule`, `effort`, `base_effects` (how many the base model has), `carried` (whether the base model
-    is none of the machine, because one of those forces carries most of the motor force).
+    is none of the machine, because one of those forces carries most of the motor force), `before` (what a selection
+    with observers of other gains refitted).
     """
 
     executor: Executor
@@ -55,6 +56,7 @@ class CandidateRefitter:
     effort: Effort
     base_effects: int = 0
     carried: bool = False
+    before: tuple[Refitted, ...] = ()
 
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
@@ -76,9 +78,21 @@ class CandidateRefitter:
             self.stick_inertia,
             self.base_effects,
             lambda: self._asked_for(open_to),
+            self._refitted_before(model, open_to),
         )
         refits = refit_all(chosen, model, self.scales, refitting, hints, rule=self.rule, effort=self.effort)
-        return self._with_twins(model, [trial for some in tried for trial in some], refits)
+        trials = [trial for some in tried for trial in some]
+        return self._with_twins(model, with_tests(trials, [trial for trial, _ in hints.before]), refits)
+
+    def _refitted_before(self, model: Model, trials: list[Trial]) -> list[tuple[Trial, Model]]:
+        """What was refitted before beside the effects of the `model`, each with its test among the `trials`, or that of
+        then: where a test throws the motion of a model, it says nothing."""
+        of_form, inside = {type(trial.form): trial for trial in trials}, _forms(model)
+        return [
+            (of_form.get(type(one.trial.form), one.trial), one.model)
+            for one in self.before
+            if one.effect not in self.barred and _forms(one.model) == [*inside, type(one.trial.form)]
+        ]
 
     def _counting(self, stage: str, start: float, stop: float) -> Counting:
         """The executor that says how much of a `stage` is done, from the part `start` of all rounds to `stop`."""
@@ -86,16 +100,23 @@ class CandidateRefitter:
         return Counting(self.executor, self.progress, stage, start, stop)
 
     def _of_the_balance(self, model: Model) -> tuple[Model, list[Trial], list[Refitted]]:
-        """As `beside`, of the forces alone that the force balance asks for: beside a base model that is none of the
-        machine no test says anything."""
-        names = {one.effect.name for one in self.balanced()} - self.barred
+        """As `beside`, of the forces alone that the force balance asks for, and of what was refitted before: beside a
+        base model that is none of the machine no test says anything."""
+        known = {one.effect for one in self.before if _forms(one.model)[:-1] == _forms(model)}
+        names = ({one.effect.name for one in self.balanced()} | known) - self.barred
         self.progress(f"refitting {', '.join(sorted(names))}, as the force balance asks", 0.0)
         without = self.without | (frozenset(catalogue()) - names)
         tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
         trials = [trial for some in tried for trial in some]
-        hints = Hints(self.pair, base_effects=self.base_effects, balanced=lambda: self._asked_for(trials))
+        before = self._refitted_before(model, trials)
+        hints = Hints(
+            self.pair,
+            base_effects=self.base_effects,
+            balanced=lambda: self._asked_for(trials),
+            before=before,
+        )
         refits = refit_balanced(model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort)
-        return self._with_twins(model, trials, refits)
+        return self._with_twins(model, with_tests(trials, [trial for trial, _ in before]), refits)
 
     def _with_twins(
         self, model: Model, trials: list[Trial], refits: list[Refitted]
@@ -180,6 +201,10 @@ def with_tests(trials: list[Trial], others: list[Trial]) -> list[Trial]:
     model it says nothing, and beside another model it may."""
     tested = {trial.effect for trial in trials}
     return trials + [trial for trial in others if trial.effect not in tested]
+
+
+def _forms(model: Model) -> list[type[AbstractEffect]]:
+    return [type(effect) for effect in model.posterior.drive.effects]
 
 
 def _without(refit: Refitted, model: Model) -> Model:

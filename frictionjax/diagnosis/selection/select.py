@@ -12,7 +12,7 @@ from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.pace import is_coarse
-from frictionjax.diagnosis.refitting.refitted import ease
+from frictionjax.diagnosis.refitting.refitted import Refitted, ease
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import resonance_pair
 from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
@@ -70,19 +70,18 @@ def select(
 
     Under a coarse sensor the gains of the observers are those that the base model asks for. What is found may show that
     they are wrong for the machine: where something is left, the selection is made once more with those of the model
-    that it found; the tables of the first one follow those of the second.
+    that it found, and its refits start from there, too; the tables of the first one follow those of the second.
     """
 
-    def selected(base: Model) -> Selection:
-        return _selected(
-            base, executor, progress, without, barred, stick_inertia, balanced, carried, turn, rule, effort
-        )
+    def selected(base: Model, before: tuple[Refitted, ...] = ()) -> Selection:
+        known = (without, barred, stick_inertia, balanced, carried, turn, before)
+        return _selected(base, executor, progress, *known, rule, effort)
 
     found = selected(model)
     again = _at_the_pace_of(found, model, rule)
     if again is None:
         return found
-    repeated = selected(again)
+    repeated = selected(again, tuple(refit for step in found.steps for refit in step.refits))
     return dataclasses.replace(repeated, tables=(*repeated.tables, *_of_first_gains(found.tables)))
 
 
@@ -112,6 +111,7 @@ def _selected(
     balanced: Callable[[], tuple[Balanced, ...]],
     carried: bool,
     turn: float,
+    before: tuple[Refitted, ...],
     rule: Rule,
     effort: Effort,
 ) -> Selection:
@@ -137,6 +137,7 @@ def _selected(
         effort,
         base_effects=len(posterior.drive.effects),
         carried=carried,
+        before=before,
     )
     tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)

@@ -147,6 +147,23 @@ def test_a_base_fit_that_took_friction_for_inertia_is_left_along_the_valley(driv
     assert float(best.model.judgement.drive.J) == pytest.approx(float(PLANT.J), rel=0.02)
 
 
+def test_what_was_refitted_before_is_found_again_from_where_it_was(driven):
+    """With observers of other gains the base model may come to rest where no candidate finds out."""
+    model, scales, _, tried = driven
+    other, trial = (max(tried[name], key=lambda t: t.gain) for name in ("delay", "load_dependence"))
+    with ThreadPoolExecutor(1) as executor:
+        hints = Hints(absorbed=absorbed_by_base(tried["load_dependence"]))
+        before = min(
+            refit_all([other], model, scales, executor, hints), key=lambda one: one.model.fitted.misfit
+        ).model
+        (alone,) = refit_all([other], model, scales, executor)
+        again = refit_all([other], model, scales, executor, Hints(before=[(trial, before)]))
+    best = min(again, key=lambda one: one.model.fitted.misfit)
+    assert best.effect == "load_dependence"
+    assert best.model.fitted.misfit == pytest.approx(before.fitted.misfit, rel=1e-3)
+    assert alone.model.fitted.misfit > 2.0 * before.fitted.misfit
+
+
 def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):
     """It has the inertia of another machine: it ends no higher than the model without it, and with its effect."""
     model, scales, _, tried = driven
