@@ -6,6 +6,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.round import Round, dropping
 from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, within
 
+_NOTHING_LACKS = "the model without it is adequate, without any allowance for chance"
 _NOT_COMPLETE = "what is named explains nearly all of the misfit; of the rest this effect explains too little"
 
 
@@ -83,7 +84,7 @@ def choose(table: ComparisonTable, rule: Rule, refused: Collection[int] = ()) ->
     largest gain of the log-likelihood over all recordings, less one for each parameter (Akaike). Rows that were
     `refused` are left out. A model whose misfits are adequate without any allowance for chance lacks nothing."""
     if max(table.misfits) <= rule.limits.adequate:
-        return Round(table, None)
+        return dropping(Round(table, None), _NOTHING_LACKS)
     least = least_share_of(table, rule)
     rows = [(row, own) for row, own in enumerate(table.rows) if row not in refused]
     may = [row for row, own in rows if acceptable(own, rule, least_share=least)[0]]

@@ -70,7 +70,8 @@ def test_a_candidate_must_be_likelier_on_all_recordings_and_on_both_sets():
 def test_a_model_that_is_adequate_without_allowing_for_chance_lacks_nothing(factor, accepted):
     low = (factor * RULE.limits.adequate, 0.0)
     found = candidate((1.0, 1.0), before=low)
-    assert choose(table(found, misfits=low, misfit_errors=(1.0, 1.0)), RULE).accepted == accepted
+    chosen = choose(table(found, misfits=low, misfit_errors=(1.0, 1.0)), RULE)
+    assert chosen.accepted == accepted and ("is adequate" in chosen.dropped) == (accepted is None)
 
 
 def test_too_few_clusters_show_nothing():
