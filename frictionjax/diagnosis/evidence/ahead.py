@@ -7,8 +7,8 @@ from frictionjax.diagnosis.evidence.judgement import Judgement, Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.views import errors_ahead, view
 from frictionjax.diagnosis.table import Lead, paired_lead
+from frictionjax.estimation.data.batch import BLOCK, CLUSTER
 
-_CLUSTER = 0.5  # s, as in the comparisons by likelihood
 _LEAST, _MOST = 1e-30, 1e30  # of a mean square over that of the noise: runs may overflow
 
 
@@ -36,7 +36,7 @@ def lead_ahead(
     """
     gains = []
     for one, other, step in zip(before, after, dt, strict=True):
-        length = max(round(_CLUSTER / float(step)), 1)
+        length = max(round(CLUSTER * BLOCK / float(step)), 1)
         for start in range(0, one.size, length):
             old, new = (_mean_square(errors[start : start + length]) for errors in (one, other))
             gains.append(0.5 * np.log(old / new))
