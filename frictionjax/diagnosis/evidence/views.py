@@ -222,7 +222,7 @@ def errors_ahead(predicted: View, scene: Scene) -> Float[np.ndarray, "r n"]:
     measured, model = np.asarray(batch.answer), predicted.free if batch.imposed else predicted.ahead
     errors = (model - measured) / np.asarray(batch.noise)[:, None]
     scored = (np.asarray(batch.valid) > 0) & scene.held_out[:, None]
-    return np.where(scored, np.nan_to_num(errors, nan=np.inf), np.nan)
+    return np.where(scored, np.where(np.isfinite(errors), errors, np.inf), np.nan)
 
 
 def held_out_error(predicted: View, scene: Scene) -> float:
