@@ -14,7 +14,7 @@ rules:
 - by shares: the rule until commit 5bf98cf, of shares of the misfit above the floor, the p-value of the score test,
   leads and distance from the noise, with nine numbers;
 - by likelihood alone: the candidate with the largest gain of the log-likelihood over all recordings among those whose
-  gain is more than so many standard errors, over clusters of 0.5 s, on all of them together (`--lead`), and on the
+  gain is more than so many standard errors, over clusters of 0.5 s, on both sets together (`--lead`), and on the
   fitted and on the held-out recordings alone (`--each`). The latter determined nothing of it (a split likelihood
   ratio). No other number enters; today's rule has these two, `Rule.accept.lead` and `lead_each`.
 

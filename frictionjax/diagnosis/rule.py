@@ -70,8 +70,9 @@ class AcceptanceRule:
 
     **Attributes:**
 
-    - `lead`: standard errors, over clusters of 0.5 s, by which the model with the candidate must be likelier on all
-      recordings together. Larger: short recordings show nothing; smaller: chance gets a name. The usual level of three.
+    - `lead`: standard errors, over clusters of 0.5 s, by which the model with the candidate must be likelier on the
+      fitted and the held-out recordings together, both with the same weight (`Improvement.lead`). Larger: short
+      recordings show nothing; smaller: chance gets a name. The usual level of three.
     - `lead_each`: standard errors by which it must be likelier on the fitted and on the held-out recordings alone.
       Larger: what only a few seconds of one set show is refused; smaller: what the held-out recordings do not repeat
       gets a name (`python -m benchmarks.likelihood compare --each N`).

@@ -65,6 +65,12 @@ class Improvement:
     repeats: bool
 
     @property
+    def lead(self) -> float:
+        """Gain on both together in standard errors, each with the same weight (Stouffer): the sum of the gains would be
+        as uncertain as the noisier of the two."""
+        return (self.lead_fit + self.lead_holdout) / math.sqrt(2.0)
+
+    @property
     def worth(self) -> float:
         """Sum of the explained shares: what candidates are ranked by."""
         return self.share_fit + self.share_holdout
@@ -125,13 +131,6 @@ class ModelComparison:
             self.held_out.in_errors(rule),
             repeats(self.waves, rule),
         )
-
-    @property
-    def lead(self) -> Lead:
-        """The lead over the model without, over the clusters of all recordings."""
-        own = (self.fit, self.held_out)
-        error = math.hypot(*(lead.error for lead in own))
-        return Lead(sum(lead.total for lead in own), error, sum(lead.clusters for lead in own))
 
     def lead_over(self, other: "ModelComparison") -> Lead:
         """By how much `after` leads that of the `other` comparison, with the same model before and above the same

@@ -39,9 +39,10 @@ def _nats(lead: Lead) -> str:
 
 def likelier(row: ModelComparison, rule: Rule) -> bool:
     """Whether chance does not do what the candidate of a `row` does, by the `rule`: it leads by so many standard errors
-    on all recordings together, and by some on the fitted and on the held-out ones alone."""
-    each = min(row.fit.in_errors(rule), row.held_out.in_errors(rule))
-    return bool(row.lead.in_errors(rule) > rule.accept.lead and each > rule.accept.lead_each)
+    on both sets of recordings together, and by some on the fitted and on the held-out ones alone."""
+    gains = row.gains(rule)
+    each = min(gains.lead_fit, gains.lead_holdout)
+    return bool(gains.lead > rule.accept.lead and each > rule.accept.lead_each)
 
 
 def least_share_of(table: ComparisonTable, rule: Rule) -> float:

@@ -66,6 +66,13 @@ def test_a_candidate_must_be_likelier_on_all_recordings_and_on_both_sets():
         assert acceptable(candidate((0.9, 0.55), leads=leads, p_value=1.0), RULE)[0] == enough
 
 
+@pytest.mark.parametrize("noisy", ["fit", "held_out"])
+def test_a_noisy_set_of_recordings_does_not_hide_what_the_other_shows(noisy):
+    quiet = candidate((0.9, 0.9), leads=(LEAD, LEAD))
+    loud = Lead(100.0 * 1.5 * EACH, 100.0, 100)
+    assert likelier(dataclasses.replace(quiet, **{noisy: loud}), RULE)
+
+
 @pytest.mark.parametrize(("factor", "accepted"), [(0.95, None), (1.05, 0)])
 def test_a_model_that_is_adequate_without_allowing_for_chance_lacks_nothing(factor, accepted):
     low = (factor * RULE.limits.adequate, 0.0)
