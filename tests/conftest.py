@@ -23,6 +23,7 @@ stand-in, or what must be refused, is marked `untyped`."""
 TOGETHER = [
     (
         "tests/diagnosis/selection/test_review.py",
+        "tests/diagnosis/selection/test_answers.py",
         "tests/diagnosis/selection/test_exchange.py",
         "tests/diagnosis/selection/test_moved.py",
     )

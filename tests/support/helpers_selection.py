@@ -90,7 +90,7 @@ class Bench:
         self.search = Search(self.tables, Rule(), 3)
         self._base = base
 
-    def _answer(self):
+    def _answer(self, models):
         return answer_to_force(self._base.posterior, self._base.fitted.vector)
 
     def related(self, model, names, best=None):

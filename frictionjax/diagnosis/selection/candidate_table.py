@@ -109,7 +109,7 @@ def ground_of(
     **Arguments:**
 
     - `model`, `refits`: as in `table_of_candidates`.
-    - `answer`: of the base model to a force.
+    - `answer`: of the likeliest of them to noise and a force.
     - `before`: floor of the round that led to the `model`, which a model with a gap keeps.
     - `rule`: the numbers of `Rule.floor`.
     """

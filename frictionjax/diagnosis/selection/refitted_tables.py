@@ -71,7 +71,7 @@ class RefittedTables:
     - `base`: the fitted base model.
     - `refits`: tests and refits the catalogue.
     - `scales`: the plant's own sizes by name.
-    - `answer`: asks for the answer of the base model to a force; called when the first refits are done.
+    - `answer`: gives the answer to noise and a force of the likeliest of models (`Answers.of_likeliest`).
     - `rule`: for what enters the comparisons.
     - `effort`: of refits.
     """
@@ -81,7 +81,7 @@ class RefittedTables:
         base: Model,
         refits: Refits,
         scales: dict[str, float],
-        answer: Callable[[], Answer],
+        answer: Callable[[Sequence[Model]], Answer],
         *,
         rule: Rule = Rule(),
         effort: Effort = Effort(),
@@ -198,7 +198,8 @@ class RefittedTables:
     ) -> ComparisonTable:
         """The table of what was `asked`: `refits` of the best of the `trials` compared with the `model`; `before` as in
         `ground_of`."""
-        ground = ground_of(model, refits, self._answer(), before, rule=self._rule)
+        answer = self._answer([model, *(refit.model for refit in refits)])
+        ground = ground_of(model, refits, answer, before, rule=self._rule)
         return self.keep(asked, Made(model, trials, refits, ground))
 
     def keep(self, asked: tuple[str, ...], made: Made) -> ComparisonTable:

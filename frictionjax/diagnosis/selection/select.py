@@ -10,11 +10,11 @@ from frictionjax.core import Progress
 from frictionjax.diagnosis.base_model.likeliest import at_the_pace_of
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.pace import is_coarse
 from frictionjax.diagnosis.refitting.refitted import Refitted, ease
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import resonance_pair
+from frictionjax.diagnosis.selection.answers import Answers
 from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
 from frictionjax.diagnosis.selection.refitted_tables import RefittedTables
 from frictionjax.diagnosis.selection.search import Decision, decide
@@ -119,7 +119,7 @@ def _selected(
     model = ease(model, rule=rule, effort=effort)
     posterior = model.posterior
     scales = plant_scales(model.judgement.drive, posterior.batch, turn=turn)
-    answering = executor.submit(answer_to_force, posterior, model.fitted.vector, rule=rule)
+    answers = Answers(model, executor, rule=rule)
     pair = None
     if not posterior.batch.imposed:
         fitted = np.flatnonzero(np.asarray(posterior.fitted[0]) > 0)
@@ -139,6 +139,6 @@ def _selected(
         carried=carried,
         before=before,
     )
-    tables = RefittedTables(model, candidates, scales, answering.result, rule=rule, effort=effort)
+    tables = RefittedTables(model, candidates, scales, answers.of_likeliest, rule=rule, effort=effort)
     decision = decide(tables, rule, effort.rounds)
     return Selection([tables.step(one) for one in decision.rounds], decision, tuple(tables.tables))
