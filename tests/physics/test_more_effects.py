@@ -310,8 +310,9 @@ def test_sensors_show_what_they_should():
     overtone = 1e-7 * np.sin(4 * np.pi * 1.3e-4 / 4e-4) - 4e-7 * np.cos(4 * np.pi * 1.3e-4 / 4e-4)
     made = effect("EncoderErrorWithOvertone", sine=2e-7, cosine=3e-7, sine2=1e-7, cosine2=-4e-7)
     assert float(made.measured(x, t, none)) == pytest.approx(1.3e-4 + wave + overtone, rel=1e-12)
-    hum = 2e-7 * np.sin(2 * np.pi * 60.0 * 0.0123) + 3e-7 * np.cos(2 * np.pi * 60.0 * 0.0123)
-    made = effect("MainsPickup", sine=2e-7, cosine=3e-7, frequency=60.0)
+    turn = 2 * np.pi * 60.0 * 0.0123
+    hum = 2e-7 * np.sin(turn) + 3e-7 * np.cos(turn) - 1e-7 * np.cos(2 * turn) + 4e-8 * np.sin(3 * turn)
+    made = effect("MainsPickup", sine=2e-7, cosine=3e-7, cosine2=-1e-7, sine3=4e-8, frequency=60.0)
     assert float(made.measured(x, t, none)) == pytest.approx(1.3e-4 + hum, rel=1e-12)
 
 

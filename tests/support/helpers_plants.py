@@ -105,7 +105,7 @@ LARGE = {
     "FrictionLag": (2e-3,),
     "GravityPendulum": (50.0, 0.2),
     "LoadDependence": (0.15,),
-    "MainsPickup": (3e-7, -2e-7),
+    "MainsPickup": (3e-7, -2e-7, 0.0, 1e-7, -2e-7, 1e-7),
     "FewElements": (0.0,),
     "MaxwellSlip": (0.0,),
     "SharpYield": (1.5,),
