@@ -158,7 +158,10 @@ def from_the_balance(start: RefitStart, trial: Trial, balanced: Balanced) -> Can
 def from_before(start: RefitStart, trial: Trial, found: Model) -> CandidateDescent:
     """The candidate of a `trial` from where it was `found` by observers with other gains."""
     posterior, _ = start.extended(trial)
-    budget, vector = start.effort.refitting, found.fitted.vector
+    budget, theirs, there = start.effort.refitting, found.posterior, found.fitted.vector
+    # The sizes in which it is counted may have been others.
+    own = np.asarray(pack(posterior.layout, theirs.drive_of(there)))
+    vector = np.concatenate([own, np.asarray(there)[len(theirs.layout) :]])
     fitted = descend(posterior, vector, graduate=False, steps=budget.steps, tolerance=budget.tolerance)
     return CandidateDescent(trial, posterior, fitted)
 

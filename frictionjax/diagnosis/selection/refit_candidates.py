@@ -27,6 +27,7 @@ from frictionjax.diagnosis.screening.score_test import Trial
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH
+from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
@@ -35,18 +36,18 @@ from frictionjax.physics.effects import AbstractEffect, catalogue
 class CandidateRefitter:
     """Tests the catalogue beside a model, and refits the best.
 
-    **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `scales` (the
-    plant's own sizes by name), `pair` (antiresonance and resonance in the data, or None), `without` (names of effects,
-    or of forms, that are left out), `barred` (names of effects that are tested, for their smallest detectable size, but
-    not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives the forces that the force
-    balance asks for), `rule`, `effort`, `base_effects` (how many the base model has), `carried` (whether the base model
-    is none of the machine, because one of those forces carries most of the motor force), `before` (what a selection
-    with observers of other gains refitted).
+    **Attributes:** `executor` (runs tests and refits side by side), `progress` (called as it goes), `turn` (a full
+    turn, position units, where the position is an angle), `pair` (antiresonance and resonance in the data, or None),
+    `without` (names of effects, or of forms, that are left out), `barred` (names of effects that are tested, for their
+    smallest detectable size, but not refitted), `stick_inertia` (that noise in stick shows, or None), `balanced` (gives
+    the forces that the force balance asks for), `rule`, `effort`, `base_effects` (how many the base model has),
+    `carried` (whether the base model is none of the machine, because one of those forces carries most of the motor
+    force), `before` (what a selection with observers of other gains refitted).
     """
 
     executor: Executor
     progress: Progress
-    scales: dict[str, float]
+    turn: float
     pair: Pair | None
     without: frozenset[str]
     barred: frozenset[str]
@@ -65,7 +66,9 @@ class CandidateRefitter:
         if self.carried and number == 0:
             return self._of_the_balance(model)
         testing = self._counting(f"testing every effect, round {number + 1}", start, start + 0.4 * span)
-        tried = try_catalogue(model, self.scales, testing, self.without, self.pair, effort=self.effort)
+        tried = try_catalogue(
+            model, self._scales(model), testing, self.without, self.pair, effort=self.effort
+        )
         most = budget.first_forms if number == 0 else budget.later_forms
         chosen = self._worth_refitting(model, tried, most)
         stage = f"refitting {len(chosen)} candidates, round {number + 1}"
@@ -80,7 +83,9 @@ class CandidateRefitter:
             lambda: self._asked_for(open_to),
             self._refitted_before(model, open_to),
         )
-        refits = refit_all(chosen, model, self.scales, refitting, hints, rule=self.rule, effort=self.effort)
+        refits = refit_all(
+            chosen, model, self._scales(model), refitting, hints, rule=self.rule, effort=self.effort
+        )
         trials = [trial for some in tried for trial in some]
         return self._with_twins(model, with_tests(trials, [trial for trial, _ in hints.before]), refits)
 
@@ -94,6 +99,10 @@ class CandidateRefitter:
             if one.effect not in self.barred and _forms(one.model) == [*inside, type(one.trial.form)]
         ]
 
+    def _scales(self, model: Model) -> dict[str, float]:
+        """The plant's own sizes as the `model` has them: those of the base model are far off where much is missing."""
+        return plant_scales(model.judgement.drive, model.posterior.batch, turn=self.turn)
+
     def _counting(self, stage: str, start: float, stop: float) -> Counting:
         """The executor that says how much of a `stage` is done, from the part `start` of all rounds to `stop`."""
         self.progress(stage, start)
@@ -106,7 +115,9 @@ class CandidateRefitter:
         names = ({one.effect.name for one in self.balanced()} | known) - self.barred
         self.progress(f"refitting {', '.join(sorted(names))}, as the force balance asks", 0.0)
         without = self.without | (frozenset(catalogue()) - names)
-        tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
+        tried = try_catalogue(
+            model, self._scales(model), self.executor, without, self.pair, effort=self.effort
+        )
         trials = [trial for some in tried for trial in some]
         before = self._refitted_before(model, trials)
         hints = Hints(
@@ -115,7 +126,9 @@ class CandidateRefitter:
             balanced=lambda: self._asked_for(trials),
             before=before,
         )
-        refits = refit_balanced(model, self.scales, self.executor, hints, rule=self.rule, effort=self.effort)
+        refits = refit_balanced(
+            model, self._scales(model), self.executor, hints, rule=self.rule, effort=self.effort
+        )
         return self._with_twins(model, with_tests(trials, [trial for trial, _ in before]), refits)
 
     def _with_twins(
@@ -152,11 +165,13 @@ class CandidateRefitter:
         """Tests, and refits of the best of each form, of the effects of these `names` beside those of the `model`;
         `best` as in `refit_all`."""
         without = self.without | (frozenset(catalogue()) - names)
-        tried = try_catalogue(model, self.scales, self.executor, without, self.pair, effort=self.effort)
+        tried = try_catalogue(
+            model, self._scales(model), self.executor, without, self.pair, effort=self.effort
+        )
         chosen = [one for some in tried for one in one_of_each(some) if np.isfinite(one.gain)]
         hints = Hints(self.pair, base_effects=self.base_effects)
         refits = refit_all(
-            chosen, model, self.scales, self.executor, hints, best, rule=self.rule, effort=self.effort
+            chosen, model, self._scales(model), self.executor, hints, best, rule=self.rule, effort=self.effort
         )
         return [trial for some in tried for trial in some], refits
 

@@ -127,7 +127,7 @@ def _selected(
     candidates = CandidateRefitter(
         executor,
         progress,
-        scales,
+        turn,
         pair,
         without,
         barred,

@@ -19,7 +19,6 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.acceptance import acceptable
 from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
 from frictionjax.diagnosis.table import Lead, ModelComparison
-from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import force_balance
 from frictionjax.recordings import Case, Plant
 
@@ -64,10 +63,18 @@ def test_gravity_comes_first_with_the_size_inertia_and_friction_that_were_fitted
 @pytest.mark.slow
 def test_the_first_round_asks_for_these_forces_and_accepts_the_right_one(found, executor):
     base = found.base
-    scales = plant_scales(base.judgement.drive, base.posterior.batch)
     rule, effort = RULE, Effort()
     candidates = CandidateRefitter(
-        executor, silent, scales, None, frozenset(), frozenset(), None, lambda: found.forces, rule, effort
+        executor,
+        silent,
+        2.0 * np.pi,
+        None,
+        frozenset(),
+        frozenset(),
+        None,
+        lambda: found.forces,
+        rule,
+        effort,
     )
     _, trials, refits = dataclasses.replace(candidates, carried=True).beside(base, 0)
     assert {trial.effect for trial in trials} >= {one.effect.name for one in found.forces}

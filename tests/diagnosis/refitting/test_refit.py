@@ -15,10 +15,11 @@ from frictionjax.diagnosis.effort import Effort, RefittingEffort
 from frictionjax.diagnosis.evidence.comparison import compare
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.refitting import refit
+from frictionjax.diagnosis.refitting import descents, refit
 from frictionjax.diagnosis.refitting.descents import (
     CandidateDescent,
     RefitStart,
+    from_before,
     uncoupled,
     with_slow_observer,
 )
@@ -162,6 +163,21 @@ def test_what_was_refitted_before_is_found_again_from_where_it_was(driven):
     assert best.effect == "load_dependence"
     assert best.model.fitted.misfit == pytest.approx(before.fitted.misfit, rel=1e-3)
     assert alone.model.fitted.misfit > 2.0 * before.fitted.misfit
+
+
+@pytest.mark.untyped
+def test_what_was_refitted_before_starts_with_its_own_sizes_whatever_they_are_counted_in(driven, monkeypatch):
+    model, scales, *_ = driven
+    load = effect("ConstantLoad", load=0.02)
+    posterior, vector = extend(model.posterior, model.fitted.vector, load, scales)
+    fitted = descend(posterior, vector, graduate=False, steps=0)
+    before = Model(posterior, fitted, judge(posterior, fitted))
+    start = refit._start(model, scales | {"Fc": 3.0 * scales["Fc"]}, Hints(), None, Rule(), Effort())
+    monkeypatch.setattr(descents, "descend", lambda posterior, vector, **_: SimpleNamespace(vector=vector))
+    found = from_before(start, SimpleNamespace(form=load.silenced()), before)
+    drive = found.posterior.drive_of(found.fitted.vector)
+    assert float(drive.effects[0].load) == pytest.approx(0.02, rel=1e-12)
+    assert float(drive.J) == pytest.approx(float(before.judgement.drive.J), rel=1e-12)
 
 
 def test_a_candidate_that_was_led_astray_starts_again_from_the_model(driven):

@@ -3,6 +3,7 @@
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from helpers_selection import Bench, with_effect, world
 
@@ -73,7 +74,7 @@ def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_wo
     others = frozenset(catalogue()) - FORCES
     with ThreadPoolExecutor(2) as executor:
         candidates = CandidateRefitter(
-            executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), effort
+            executor, silent, 2.0 * np.pi, None, others, frozenset(), None, tuple, Rule(), effort
         )
         _, _, refits = candidates.beside(model, 0)
         barred = dataclasses.replace(candidates, barred=FORCES - {refits[0].effect}).beside(model, 0)[2]
@@ -87,7 +88,7 @@ def test_what_the_best_is_taken_for_is_refitted_though_its_first_step_was_not_wo
 
 def test_every_refit_comes_with_a_test_though_its_step_threw_the_motion_before(two, monkeypatch):
     """Beside the base model the pendulum's test says nothing here; beside the load's other parameters it does."""
-    model, scales = two
+    model, _ = two
     calls = []
 
     def throwing(*arguments, **options):
@@ -99,7 +100,7 @@ def test_every_refit_comes_with_a_test_though_its_step_threw_the_motion_before(t
     others = frozenset(catalogue()) - FORCES
     with ThreadPoolExecutor(2) as executor:
         candidates = CandidateRefitter(
-            executor, silent, scales, None, others, frozenset(), None, tuple, Rule(), Effort()
+            executor, silent, 2.0 * np.pi, None, others, frozenset(), None, tuple, Rule(), Effort()
         )
         _, trials, refits = candidates.beside(model, 0)
     assert len(calls) == 2
