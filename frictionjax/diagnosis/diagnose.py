@@ -214,7 +214,7 @@ def _diagnose(
     residual = None
     if decision.verdict == "unknown":
         progress("mapping the residual force", 0.82)
-        residual = residual_model(last, steps[-1].floor, executor, rule=rule, effort=effort)
+        residual = residual_model(last, steps[-1].floor, executor, base=base, rule=rule, effort=effort)
         tables = (*tables, *map_tables(residual))
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last

@@ -1,5 +1,6 @@
 """Unknown: a nonparametric model of the force that the catalogue does not explain, over the variable it depends on."""
 
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 
 import equinox as eqx
@@ -81,20 +82,24 @@ def residual_model(
     floor: Float[np.ndarray, "#r #b"],
     executor: Executor,
     *,
+    base: Model | None = None,
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> ResidualModel | None:
     """The map that explains most of what `model` leaves, all parameters free.
 
     Each map is a set of effects whose one-step estimates are tested like those of the catalogue, with all base
-    parameters free; the best are refitted, and the one that predicts best is kept.
+    parameters free; the best are refitted, and the one that predicts best is kept. Where forces of the position are
+    named, the map over the position is among them, and kept unless another one is clearly likelier: in slow motion the
+    input follows such a force, and a map over the input says the same of the recordings, and not what the force is.
 
     **Arguments:**
 
     - `model`: the fitted base model, with the effects that were named.
     - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
     - `executor`: runs tests and refits in parallel.
-    - `rule`: whether the map helps.
+    - `base`: the base model; None: the `model` itself.
+    - `rule`: whether the map helps, and what is clearly likelier.
     - `effort`: how many maps are refitted, and how far.
 
     **Returns:** the `ResidualModel`, or None when no map can be computed.
@@ -128,8 +133,27 @@ def residual_model(
 
     tested = [found for some in executor.map(test, MAPS.items()) for found in some]
     tested.sort(key=lambda item: -item[0])
-    converged = list(executor.map(converge, tested[: own.residual_maps]))
-    return max(converged, key=lambda found: found.row.gains(rule).worth, default=None)
+    chosen = tested[: own.residual_maps]
+    forces = forces_of_position(model, base or model)
+    if forces:
+        chosen += [item for item in tested[own.residual_maps :] if item[1] == _POSITION][:1]
+    return of_alike(list(executor.map(converge, chosen)), forces, rule)
+
+
+def forces_of_position(model: Model, base: Model) -> tuple[str, ...]:
+    """Names of the forces of the position among the effects of the `model` beyond those of the `base` model."""
+    named = model.posterior.drive.effects[len(base.posterior.drive.effects) :]
+    return tuple(effect.name for effect in named if effect.about.of_position)
+
+
+def of_alike(converged: Sequence[ResidualModel], named: Collection[str], rule: Rule) -> ResidualModel | None:
+    """The map that explains most among those that are `converged`; where forces of the position are `named`, that over
+    the position, if it helps and the other one is not clearly likelier by the `rule`. None where there are none."""
+    best = max(converged, key=lambda found: found.row.gains(rule).worth, default=None)
+    for one in converged:
+        if named and one.variable == _POSITION and one.helps and one is not best and best is not None:
+            return best if best.row.lead_over(one.row).in_errors(rule) > rule.rivals.lead else one
+    return best
 
 
 def over_position(
@@ -145,8 +169,7 @@ def over_position(
 
     **Arguments:** `residual`, a map beside the effects of the `last` model; the `base` model; the `floor`; the `rule`.
     """
-    named = last.posterior.drive.effects[len(base.posterior.drive.effects) :]
-    own = tuple(effect.name for effect in named if effect.about.of_position)
+    own = forces_of_position(last, base)
     if not own or residual.variable != _POSITION or not residual.helps:
         return None
     return compare(base.judgement, residual.model.judgement, floor, rule=rule), own

@@ -19,6 +19,7 @@ from frictionjax.diagnosis.findings.residual_map import (
     MAP,
     ResidualModel,
     map_is_used,
+    of_alike,
     other_shape_note,
     over_position,
     rejected_note,
@@ -163,6 +164,31 @@ def test_a_force_of_the_position_is_named_though_its_equation_leaves_much(
         assert found[1] == ("return_spring",) and verdict.share == pytest.approx(left) and not verdict.remains
 
 
+@pytest.mark.parametrize(
+    ("named", "ahead", "helps", "kept"),
+    [
+        (("ripple",), 0.1, True, "position"),
+        (("ripple",), 5.0, True, "input"),
+        (("ripple",), 0.1, False, "input"),
+        ((), 0.1, True, "input"),
+    ],
+)
+def test_a_map_over_what_the_named_force_depends_on_is_kept_unless_another_is_clearly_likelier(
+    named, ahead, helps, kept
+):
+    """The map over the input is likelier by so much in each cluster, give or take one."""
+    scatter = np.tile([1.0, -1.0], 20)
+    over_input = candidate((0.95, 0.95), gains_fit=tuple(10.0 + ahead + scatter), gains_held_out=(10.0,) * 9)
+    over_x = candidate((0.9, 0.9), gains_fit=(10.0,) * 40, gains_held_out=(10.0,) * 9)
+    maps = [ResidualModel("input", None, over_input, True), ResidualModel("position", None, over_x, helps)]
+    for order in (maps, maps[::-1]):
+        assert of_alike(order, named, Rule()).variable == kept
+
+
+def test_without_maps_none_is_kept():
+    assert of_alike([], ("ripple",), Rule()) is None
+
+
 def test_what_the_equation_and_the_map_leave_is_said():
     said = other_shape_note(("return_spring",), 0.4, 0.05)
     assert said.startswith("Named by what it depends on") and "40 % of the misfit" in said and "5 %." in said
@@ -194,7 +220,7 @@ def test_a_hardening_spring_is_a_spring_of_another_shape():
     with ThreadPoolExecutor(2) as executor:
         base = fit_base((PLANT,), batch, held_out, executor, silent)
         last = fit_base((PLANT.with_effects(SPRING),), batch, held_out, executor, silent)
-        found = residual_model(last, np.ones((1, 1)), executor)
+        found = residual_model(last, np.ones((1, 1)), executor, base=base)
     assert found is not None and found.variable == "position" and found.helps
     row, names = over_position(found, base, last, np.ones((1, 1)))
     assert names == ("return_spring",)
