@@ -196,7 +196,7 @@ def _diagnose(
             clock.stage("judging")
             seconds = clock.report(compiling)
             own = tuple(tables), tuple(decided)
-            return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds, *own)
+            return not_diagnosed(case, base, scene, base_view, values, warnings, error, seconds, *own, steps)
         notes.append(_NOT_MEANINGFUL.format(", ".join(found.effect for found in accepted)))
     base = steps[0].before
     last = accepted[-1].model if accepted else base

@@ -1,6 +1,7 @@
 """The user's own simulation as it was given: as a column of the recordings and as a model of the case."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +17,7 @@ from frictionjax.diagnosis.findings.as_given import (
     simulation_as_given,
     where_it_misses,
 )
-from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
+from frictionjax.diagnosis.findings.not_diagnosed import REASON, not_diagnosed
 from frictionjax.diagnosis.findings.summary import summary_sentence
 from frictionjax.diagnosis.intake.starting_point import check, starting_point
 from frictionjax.diagnosis.mismatch_map.where_words import strongest
@@ -157,6 +158,18 @@ def test_where_nothing_is_diagnosed_the_simulation_is_compared_all_the_same(colu
     found = not_diagnosed(case, base, column.scene, column.base, {}, (), "", {})
     assert found.summary.endswith(found.given.sentence) and "column `simulated`" in found.given.sentence
     assert found.given.where == "" and found.recordings[1].free_given is not None
+
+
+@pytest.mark.untyped
+def test_what_was_tried_in_vain_beside_a_fit_that_is_not_credible_is_not_called_untested(column):
+    base = type("Base", (), {"judgement": Judgement(PLANT, np.zeros(2), column.floor, None, None)})
+    case = Case("arm", CASE, column.starting.recordings)
+    creep, ripple = SimpleNamespace(effect="creep"), SimpleNamespace(effect="ripple")
+    steps = [SimpleNamespace(refits=[creep], trials=[creep, ripple])]
+    found = not_diagnosed(case, base, column.scene, column.base, {}, (), "", {}, steps=steps)
+    why = {one.effect: one.reason for one in found.candidates}
+    assert "no model with it predicts better" in why["creep"] and "too little" in why["ripple"]
+    assert why["delay"] == REASON and found.verdict == "unknown"
 
 
 @pytest.mark.untyped
