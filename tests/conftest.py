@@ -86,10 +86,14 @@ def pytest_configure(config):
 
 def _set_up():
     """JAX as the program has it, but strict, and with its compiled programs in the checkout."""
+    import hypothesis
     import jax
 
     import frictionjax
 
+    # No test is timed: a busy machine makes any example slow.
+    hypothesis.settings.register_profile("untimed", deadline=None)
+    hypothesis.settings.load_profile("untimed")
     # XLA reads its flags when JAX first computes.
     frictionjax.configure_jax()
     # Compiled programs are kept in the checkout, or where `.ci/run` says, never in the user's cache, for the other

@@ -80,7 +80,6 @@ STARTS = (
 @pytest.mark.filterwarnings("ignore")
 @settings(
     max_examples=150,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

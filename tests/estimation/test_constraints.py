@@ -187,7 +187,7 @@ BOUNDS = {
 }
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.sets(st.sampled_from((*ARM, "load")), min_size=1),
     st.sets(st.sampled_from(sorted(BOUNDS))),
@@ -228,7 +228,7 @@ def test_a_value_beyond_its_bound_is_at_its_bound():
             assert values[name] == pytest.approx(BOUNDS[name][end], rel=1e-12), name
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**31))
 def test_ties_hold_wherever_the_vector_is(seed):
     found = _resolve(ties={"Fs": ("Fc", 1.25), "load": ("Fc", -0.2), "sigma1": ("sigma2", 80.0)})

@@ -65,7 +65,7 @@ def drives(draw):
     return Drive(J, friction, motor_constant=draw(_decades(1e-2, 1e2)))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(drives(), st.booleans())
 def test_a_drive_is_packed_and_unpacked(drive, known_inertia):
     layout = base_layout(drive, DT, known_inertia=known_inertia)
@@ -76,7 +76,7 @@ def test_a_drive_is_packed_and_unpacked(drive, known_inertia):
     assert [free.label for free in layout] == list(ARM[known_inertia:])
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.floats(0.02, 0.98), min_size=7, max_size=7))
 def test_a_vector_is_unpacked_and_packed(parts):
     start = pack(BASE, PLANT)
@@ -87,7 +87,7 @@ def test_a_vector_is_unpacked_and_packed(parts):
         np.testing.assert_allclose(pack(BASE, drive), vector, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=7, max_size=7))
 def test_wherever_a_step_leads_the_parameters_stay_in_range(wild):
     start = pack(BASE, PLANT)

@@ -166,7 +166,7 @@ def results(draw):
     )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(result=results())
 def test_every_result_comes_back_to_the_last_bit(result):
     assert_same(fit_from_json(fit_to_json(result)), result)

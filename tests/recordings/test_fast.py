@@ -18,7 +18,7 @@ def numbers(text, columns=(0, 1, 2), width=3, separator=",", start=0, **options)
     return fast.numbers_of(text.encode(), columns, width, separator, start, least=0, **options)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(st.lists(st.tuples(VALUES, VALUES, VALUES), min_size=1, max_size=20), st.sampled_from(["\n", "\r\n"]))
 def test_every_number_is_read_to_the_last_bit(rows, end):
     text = end.join(",".join(repr(v) for v in row) for row in rows)

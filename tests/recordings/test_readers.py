@@ -176,7 +176,6 @@ VALUES = st.floats(min_value=-1e99, max_value=1e99, allow_nan=False, allow_infin
 
 @settings(
     max_examples=60,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
@@ -195,7 +194,6 @@ def test_any_numbers_survive_the_round_trip(tmp_path, rows, separator, end, head
 
 @settings(
     max_examples=150,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

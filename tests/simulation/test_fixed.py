@@ -169,7 +169,7 @@ LOGS = [("J", -1.0, 1.0), ("sigma0", 3.0, 6.0), ("damping", -1.0, 0.3), ("sigma2
 LOGS += [("Fc", -1.0, 1.0), ("ratio", 0.0, 0.3), ("vs", -3.5, -1.0), ("force", -1.0, 0.5)]
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(
     logs=st.tuples(*(st.floats(low, high) for _, low, high in LOGS)),
     seed=st.integers(0, 9),

@@ -243,7 +243,7 @@ SIZE = st.one_of(st.just(0.0), st.floats(-6.0, 2.0).map(lambda power: 10.0**powe
 """Nothing, or up to a hundred times break-away."""
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150, derandomize=True)
 @given(
     sizes=st.tuples(*(UNIT for _ in SIZES)),
     units=st.tuples(*(UNIT for _ in PARAMETERS)),

@@ -63,7 +63,7 @@ def test_a_longer_random_design_begins_with_the_shorter_one():
     assert digest(RandomDesign(NOISE, cases=5)) != digest(RandomDesign(NOISE, cases=5, design_seed=1))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     texts=st.lists(st.sampled_from("abc"), unique=True, min_size=1),
     numbers=st.integers(1, 5),

@@ -59,7 +59,7 @@ def screened():
     return run
 
 
-@settings(max_examples=4, deadline=None, derandomize=True)
+@settings(max_examples=4, derandomize=True)
 @given(st.tuples(*(st.floats(-6.0, 6.0) for _ in range(3))))
 def test_the_screening_test_knows_no_units(screened, powers):
     misfit, trials = screened(1.0, 1.0, 1.0)

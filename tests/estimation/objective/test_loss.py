@@ -102,7 +102,7 @@ def _check(near):
     )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(1, 6), st.integers(0, 2**31), st.floats(1e-6, 1e6))
 def test_a_few_residuals_stand_for_any_least_squares(size, seed, scale):
     rng = np.random.default_rng(seed)
@@ -125,7 +125,7 @@ def _near(q, columns, offset, count, share, loss):
 _slope = eqx.filter_jit(eqx.filter_grad(lambda q, *case: _near(q, *case).cost))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**31), st.sampled_from(LOSSES), st.floats(0.1, 100.0))
 def test_a_few_residuals_stand_for_any_robust_cost(seed, loss, size):
     """The root is real for every concave loss, and the gradient is that of the cost."""
