@@ -4,6 +4,7 @@ What one test has fitted is there for the others of its process: nobody changes 
 """
 
 import functools
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +13,9 @@ from helpers_plants import effect
 
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.refitting.refitted import Refitted
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection.answers import Answers
 from frictionjax.diagnosis.selection.candidate_table import Ground
 from frictionjax.diagnosis.selection.refitted_tables import Made, RefittedTables
 from frictionjax.diagnosis.selection.round import Round
@@ -86,12 +87,11 @@ class Bench:
 
     def __init__(self, base, scales, known=()):
         self.scales, self.known, self.asked = scales, known, []
-        self.tables = RefittedTables(base, self, scales, self._answer)
+        with ThreadPoolExecutor(1) as executor:
+            answers = Answers(base, executor)
+        self.tables = RefittedTables(base, self, scales, answers.of_likeliest)
         self.search = Search(self.tables, Rule(), 3)
         self._base = base
-
-    def _answer(self, models):
-        return answer_to_force(self._base.posterior, self._base.fitted.vector)
 
     def related(self, model, names, best=None):
         self.asked.append(names)
