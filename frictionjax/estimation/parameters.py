@@ -4,6 +4,7 @@ Positive parameters are logarithms, Fs as log(Fs/Fc - 1), sigma0 as log(sigma0/J
 the damping ratio sigma1 / (2 sqrt(sigma0 J)), strengths of effects in units of their scale.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -11,10 +12,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, PyTree, Shaped
+from jaxtyping import Array, Bool, Float, PyTree, Shaped
 
 from frictionjax.core import Parameter
 from frictionjax.core.arrays import Numbers, numpy_or_jax
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.core.safe import real
 from frictionjax.physics import Drive
 
@@ -37,7 +39,18 @@ _ALIKE = 1e-9  # part of a value: one that is no further from a bound is at it
 INSIDE = 1e-3  # how far from an end of its range a logarithm starts: on it there would be no slope
 
 
-class Free(eqx.Module):
+def _number(value: Float[Numbers, ""] | float) -> Float[Numbers, ""]:
+    """As `core.safe.real`; the same numbers come up in every layout, and JAX takes 90 us to make an array of one."""
+    return _array_of(value, jax.dtypes.canonicalize_dtype(float)) if type(value) is float else real(value)
+
+
+@functools.lru_cache(maxsize=1024)
+def _array_of(value: float, dtype: np.dtype) -> Array:
+    with jax.ensure_compile_time_eval():
+        return jnp.asarray(np.asarray(value, dtype))
+
+
+class Free(PlainMethods, eqx.Module):
     """One free parameter: where it sits (`path` in the `Drive`), what it is (`parameter`), its `label` (the parameter's
     own name, with that of its effect before it where another parameter has the same), its `scale`, the `upper` bound
     of its value, and `least` and `most`, the user's own bounds. The last four are numbers of the case, and arrays: a
@@ -47,10 +60,10 @@ class Free(eqx.Module):
     path: str = eqx.field(static=True)
     parameter: Parameter = eqx.field(static=True)
     label: str = eqx.field(static=True)
-    scale: Float[Numbers, ""] = eqx.field(converter=real, default=1.0)
-    upper: Float[Numbers, ""] = eqx.field(converter=real, default=jnp.inf)
-    least: Float[Numbers, ""] = eqx.field(converter=real, default=-jnp.inf)
-    most: Float[Numbers, ""] = eqx.field(converter=real, default=jnp.inf)
+    scale: Float[Numbers, ""] = eqx.field(converter=_number, default=1.0)
+    upper: Float[Numbers, ""] = eqx.field(converter=_number, default=jnp.inf)
+    least: Float[Numbers, ""] = eqx.field(converter=_number, default=-jnp.inf)
+    most: Float[Numbers, ""] = eqx.field(converter=_number, default=jnp.inf)
     imposed: bool = eqx.field(static=True, default=False)
 
     def range(

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import shares, within
 from frictionjax.estimation.data.batch import CLUSTER, AbstractBatch, rows_of
@@ -62,7 +63,7 @@ class Varying(eqx.Module):
         )
 
 
-class Judgement(eqx.Module):
+class Judgement(PlainMethods, eqx.Module):
     """One model, and the innovations that it leaves in all recordings.
 
     **Attributes:** `drive`, `vector` (shape `(q,)`; the last `r` are the starting deflections), `power` (mean square of

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.core.programs import compiled
 from frictionjax.diagnosis.screening.imposed_effects import errors_with_effect
 from frictionjax.estimation.data.batch import Batch
@@ -55,7 +56,7 @@ class Weighing(eqx.Module):
     clusters: Float[np.ndarray, "c q"]
 
 
-class Present(eqx.Module):
+class Present(PlainMethods, eqx.Module):
     """The model to which effects are added, with the fitted recordings alone.
 
     **Attributes:** its `posterior`, the fitted `vector` and the `drive` there, `e` (innovations, shape `(r, n)`),
@@ -180,7 +181,10 @@ def _effects_at(posteriors: Sequence[Posterior], vectors: Sequence[Float[Numbers
         if field.name not in values:
             own = [float(getattr(one.drive.effects[-1], field.name)) for one in posteriors]
             values[field.name] = np.array(own)
-    return type(effect)(**values)
+    # As they are: the effect's own converters would make arrays of JAX of them, one by one.
+    return jax.tree.unflatten(
+        jax.tree.structure(effect), [values[f.name] for f in dataclasses.fields(effect)]
+    )
 
 
 @compiled()

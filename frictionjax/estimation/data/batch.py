@@ -1,6 +1,7 @@
 """Recordings as arrays side by side: padded to one length, with masks, noise levels and initial states."""
 
 import dataclasses
+import functools
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int, PyTree
 
 from frictionjax.core.arrays import Numbers, known
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.estimation.data.pieces import Piece, RunLength, earlier_of, lanes_of, padded
 from frictionjax.physics.effects import TEMPERATURES, Before
 from frictionjax.recordings import Recording
@@ -27,7 +29,7 @@ CLUSTER = 10
 """Blocks in a cluster (0.5 s): longer than the memory of the observer and of most unmodelled forces."""
 
 
-class AbstractBatch(eqx.Module):
+class AbstractBatch(PlainMethods, eqx.Module):
     """`r` recordings padded to `n` samples (`n` a whole number of blocks), force-driven or of an imposed motion.
 
     **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
@@ -283,7 +285,12 @@ def what_was_before(recordings: tuple[Recording, ...]) -> Before:
 def _before(**numbers: Float[np.ndarray, "..."]) -> Before:
     """A `Before` of these arrays as they are: its own converter would compile something for each shape."""
     names = (field.name for field in dataclasses.fields(Before))
-    return jax.tree.unflatten(jax.tree.structure(Before()), [numbers[name] for name in names])
+    return jax.tree.unflatten(_structure_of_before(), [numbers[name] for name in names])
+
+
+@functools.cache
+def _structure_of_before() -> jax.tree_util.PyTreeDef:
+    return jax.tree.structure(Before())
 
 
 def _temperatures(recordings: tuple[Recording, ...]) -> Float[np.ndarray, "r k"]:

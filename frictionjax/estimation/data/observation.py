@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.estimation.data.batch import least_samples
 from frictionjax.frequency import FRF
 from frictionjax.recordings import Recording
@@ -14,7 +15,7 @@ from frictionjax.recordings import Recording
 _NO_MOTION = 3.5  # smallest steps of the sensor: a recording that moves no further has no information
 
 
-class Observation(eqx.Module):
+class Observation(PlainMethods, eqx.Module):
     """A recording or a frequency response, with what is known of it.
 
     **Attributes:**

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, PyTree
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.estimation.descent.levenberg_marquardt import equal_curvature, levenberg_marquardt
 from frictionjax.estimation.descent.round import (
     NEAR_TOLERANCE,
@@ -86,7 +87,7 @@ class Refined(eqx.Module):
         return bool(_inconsistent(self.state, np.asarray(self.posterior.drive_of(self.vector).friction.Fc)))
 
 
-class AbstractRounds(eqx.Module):
+class AbstractRounds(PlainMethods, eqx.Module):
     """How rounds are run: those of one fit, or of many side by side.
 
     **Attributes:** `known`: recordings of position whose noise is given, shape `(r,)`; `substeps`: integration steps

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers, numpy_or_jax
+from frictionjax.core.plain_methods import PlainMethods
 
 _LEAST_CURVATURE = 1e-12  # of a coordinate: one without any is not scaled by it
 _RELATIVE = 1e-3  # of coordinates and residuals: a smaller change is the last
@@ -55,7 +56,7 @@ class Course(NamedTuple):
         return self.ending != Ending.STEPS.number
 
 
-class AbstractPlace(eqx.Module):
+class AbstractPlace(PlainMethods, eqx.Module):
     """A place of a descent that steps by NumPy, and what was evaluated there."""
 
     @property
@@ -94,7 +95,7 @@ class AbstractPlace(eqx.Module):
 Place = TypeVar("Place", bound=AbstractPlace)
 
 
-class Stepper(eqx.Module):
+class Stepper(PlainMethods, eqx.Module):
     """Damped Gauss-Newton steps, and the damping from step to step.
 
     **Attributes:**

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.estimation.data.batch import AbstractBatch
 from frictionjax.estimation.data.pieces import Piece, kept, pieces_of
 from frictionjax.physics import Drive
@@ -15,7 +16,7 @@ from frictionjax.physics import Drive
 _E = TypeVar("_E", bound="AbstractEvidence")
 
 
-class AbstractEvidence(eqx.Module):
+class AbstractEvidence(PlainMethods, eqx.Module):
     """One kind of data. Its errors stand in blocks, which a loss judges together."""
 
     @property

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 
 from frictionjax.core.arrays import Numbers, numpy_or_jax
 from frictionjax.core.arrays import known as known_numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.batch import Batch
 from frictionjax.estimation.data.pieces import Piece, padded, pieces_of, put_in_order, put_together
@@ -117,7 +118,7 @@ class Positions(AbstractMeasurement):
         return eqx.tree_at(lambda e: e.batch.x, self, x)
 
 
-class Noise(eqx.Module):
+class Noise(PlainMethods, eqx.Module):
     """The two noises of each recording.
 
     **Attributes:** `position`: standard deviation of the measured position, position units; `push`: of the unmeasured

@@ -6,10 +6,11 @@ import equinox as eqx
 from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.core.safe import real
 
 
-class AbstractLoss(eqx.Module):
+class AbstractLoss(PlainMethods, eqx.Module):
     """Cost rho of the mean square b of a block: the whole is 1/2 sum of n rho(b), n samples in it; rho is concave."""
 
     @abstractmethod

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core.arrays import Numbers
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.core.programs import compiled
 from frictionjax.estimation.constraints import Constraints
 from frictionjax.estimation.evidence import AbstractEvidence, AbstractRecordings
@@ -14,7 +15,7 @@ from frictionjax.estimation.parameters import part_of, unpack
 from frictionjax.physics import Drive
 
 
-class ParametricModel(eqx.Module):
+class ParametricModel(PlainMethods, eqx.Module):
     """What turns free parameters into a `Drive`.
 
     **Attributes:** `constraints`, `drive` (structure and fixed parameters), `centre` of the admissible ranges, `(p,)`.

@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from frictionjax.core.arrays import Numbers, known, numpy_or_jax
+from frictionjax.core.plain_methods import PlainMethods
 from frictionjax.estimation.data.batch import CLUSTER, rows_of
 from frictionjax.estimation.evidence.power import sum_clusters
 from frictionjax.estimation.objective.loss import AbstractLoss
 
 
-class Quadratic(eqx.Module):
+class Quadratic(PlainMethods, eqx.Module):
     """A cost near one vector.
 
     **Attributes:** `cost`, its `gradient`, shape `(q,)`, and a Gauss-Newton `hessian`, shape `(q, q)`; for each
@@ -40,7 +41,7 @@ class Quadratic(eqx.Module):
         )
 
 
-class AbstractObjective(eqx.Module):
+class AbstractObjective(PlainMethods, eqx.Module):
     """A cost that a descent can bring down."""
 
     @abstractmethod
@@ -57,7 +58,7 @@ def _near(objective: AbstractObjective, vector: Float[Numbers, " q"]) -> Quadrat
     return objective.quadratic(vector)
 
 
-class Evaluation(eqx.Module):
+class Evaluation(PlainMethods, eqx.Module):
     """Errors of one evidence at one vector, and their derivatives. Evidence without starting deflections is one row.
 
     **Attributes:** `e` (standardised errors, `(r, n)`), their mean square in each block, `power` `(r, b)`, the
