@@ -36,23 +36,25 @@ from frictionjax.diagnosis.findings.closed_loop import closed_loops
 from frictionjax.diagnosis.findings.missing import missing_effects, where_each_acts
 from frictionjax.diagnosis.findings.next_experiment import experiments_for
 from frictionjax.diagnosis.findings.not_diagnosed import not_diagnosed
-from frictionjax.diagnosis.findings.residual_map import (
-    ResidualModel,
-    map_is_used,
-    map_tables,
+from frictionjax.diagnosis.findings.other_shape import (
     other_shape_note,
     over_position,
+    without_other_shapes,
+)
+from frictionjax.diagnosis.findings.residual_map import (
+    map_is_used,
+    map_tables,
     rejected_note,
     residual_model,
     with_and_without_map,
 )
 from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.findings.unexplained import unexplained_of
 from frictionjax.diagnosis.findings.unmeasured import unmeasured_force
 from frictionjax.diagnosis.intake.as_asked import case_to_diagnose, left_out_as_asked
 from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
 from frictionjax.diagnosis.mismatch_map.locate import grid_along
-from frictionjax.diagnosis.mismatch_map.where_words import strongest
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.conclusion import (
     CEILING,
@@ -62,10 +64,9 @@ from frictionjax.diagnosis.selection.conclusion import (
     tables_of,
 )
 from frictionjax.diagnosis.selection.model_spread import moved
-from frictionjax.diagnosis.selection.search import Decision
 from frictionjax.diagnosis.selection.select import select
 from frictionjax.diagnosis.table import ModelComparison
-from frictionjax.diagnosis.verdict import Diagnosis, MismatchBin, Unexplained
+from frictionjax.diagnosis.verdict import Diagnosis
 from frictionjax.estimation.start.force_balance import Balanced, force_balance
 from frictionjax.recordings import Case, Plant
 from frictionjax.recordings.given import CaseData
@@ -171,7 +172,7 @@ def _diagnose(
         selection = select(
             base,
             executor,
-            lambda stage, fraction: progress(stage, 0.22 + 0.58 * fraction),
+            lambda stage, fraction: progress(stage, 0.22 + 0.57 * fraction),
             without=left_out,
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
@@ -181,6 +182,8 @@ def _diagnose(
             rule=rule,
             effort=effort,
         )
+        progress("forces of the position", 0.79)
+        selection = without_other_shapes(selection, executor, rule=rule, effort=effort)
     clock.stage("naming")
     steps = selection.steps if selection is not None else []
     accepted = [step.accepted for step in steps if step.accepted is not None]
@@ -265,7 +268,7 @@ def _diagnose(
     views = [(base, base_view), (final, extended_view)]
     places = [located.where] if len(accepted) == 1 else where_each_acts(steps, grid, views, rule=rule)
     missing = missing_effects(steps, decision.evidence, sizes, places, experiments)
-    unexplained = _unexplained(decision, bins, residual, rule=rule)
+    unexplained = unexplained_of(decision, bins, residual, rule=rule)
     unmeasured = unmeasured_force(last, steps[-1].force)
     beyond = final.judgement.drive.effects[len(base.judgement.drive.effects) :]
     silent = tuple(effect.silenced() for effect in beyond)
@@ -358,34 +361,6 @@ def _base_alone(case: Case, executor: Executor, rule: Rule) -> Model:
 
 def _is_credible(model: Model, rule: Rule) -> bool:
     return credibility(model, rule=rule).is_credible(rule=rule)
-
-
-def _unexplained(
-    decision: Decision,
-    bins: tuple[MismatchBin, ...],
-    residual: ResidualModel | None,
-    *,
-    rule: Rule = Rule(),
-) -> Unexplained:
-    """What remains by the `decision`: whether it is significant and its share, in which regime, and over which variable
-    a map of it predicts held-out recordings."""
-    present, share = decision.remains, decision.share
-    regimes = [b for b in bins if b.axis == "regime"]
-    if decision.verdict == "unknown" and residual is None:
-        place = strongest(bins, "regime", rule=rule)
-    else:
-        place = max(regimes, key=lambda b: b.count * max(b.excess_extended - 1.0, 0.0), default=None)
-    where = place.bin if place is not None and present else ""
-    if residual is None:
-        return Unexplained(present, share, where)
-    strong = strongest(bins, "regime", rule=rule)
-    where = strong.bin if strong is not None else where
-    variable = residual.variable if residual.helps else ""
-    if variable:
-        where = f"{where}; carried by {variable}"
-    return Unexplained(
-        present, share, where, variable, residual.row.gains(rule).share_holdout if variable else 0.0
-    )
 
 
 def _warnings(case: Case, base: dict[str, Estimate], message: str, notes: tuple[str, ...]) -> tuple[str, ...]:

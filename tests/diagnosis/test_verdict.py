@@ -9,10 +9,10 @@ from helpers_plants import TABLE_I
 from helpers_rule import candidate, table
 
 from frictionjax.core import Estimate
-from frictionjax.diagnosis.diagnose import _unexplained
 from frictionjax.diagnosis.findings.candidates import candidates
 from frictionjax.diagnosis.findings.missing import missing_effects
 from frictionjax.diagnosis.findings.summary import summary_sentence
+from frictionjax.diagnosis.findings.unexplained import unexplained_of
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.confidence import BIAS, WEIGHTS, Evidence, evidence_of
 from frictionjax.diagnosis.selection.round import Round
@@ -58,21 +58,21 @@ def _decision(verdict, left):
 
 def test_a_base_model_at_the_noise_is_adequate():
     assert _verdict((0.004, 0.004)) == ("adequate", (False, 0.0))
-    assert _unexplained(_decision("adequate", (False, 0.0)), BINS, None) == Unexplained(False, 0.0, "")
+    assert unexplained_of(_decision("adequate", (False, 0.0)), BINS, None) == Unexplained(False, 0.0, "")
 
 
 def test_what_explains_nearly_all_is_named():
     verdict, left = _verdict((0.4, 0.3), (0.004, 0.006))
     assert verdict == "named"
     assert left == (False, pytest.approx(0.02))
-    assert _unexplained(_decision(verdict, left), BINS, None).where == ""
+    assert unexplained_of(_decision(verdict, left), BINS, None).where == ""
 
 
 def test_what_explains_most_is_named_and_the_rest_is_reported():
     verdict, left = _verdict((0.4, 0.3), (0.04, 0.06))
     assert verdict == "named"
     assert left == (True, pytest.approx(0.2))
-    assert _unexplained(_decision(verdict, left), BINS, None).where == "sliding"
+    assert unexplained_of(_decision(verdict, left), BINS, None).where == "sliding"
 
 
 @pytest.mark.parametrize(("left", "verdict"), [(0.075, "named"), (0.105, "unknown")])
@@ -122,7 +122,7 @@ def test_what_fails_on_held_out_recordings_is_not_named(holdout):
 def test_nothing_accepted_is_unknown():
     verdict, left = _verdict((0.4, 0.3))
     assert verdict == "unknown"
-    assert _unexplained(_decision(verdict, left), BINS, None) == Unexplained(True, 1.0, "sliding")
+    assert unexplained_of(_decision(verdict, left), BINS, None) == Unexplained(True, 1.0, "sliding")
 
 
 def test_a_parameter_that_was_left_open_is_no_missing_physics():
@@ -138,7 +138,7 @@ def test_held_out_recordings_alone_can_tell_that_something_is_missing():
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_map_that_predicts_recordings_held_out_is_reported(helps):
     residual = SimpleNamespace(variable="velocity", helps=helps, row=candidate((0.5, 0.4)))
-    found = _unexplained(_decision("unknown", (True, 1.0)), BINS, residual)
+    found = unexplained_of(_decision("unknown", (True, 1.0)), BINS, residual)
     if helps:
         assert found == Unexplained(True, 1.0, "sliding; carried by velocity", "velocity", 0.4)
     else:

@@ -29,12 +29,8 @@ from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.scales import plant_scales
 from frictionjax.physics.residual_maps import MAPS, AbstractMap
 
-_POSITION = "position"
-_OTHER_SHAPE = (
-    "Named by what it depends on: the force of this machine is another function of the position than the equation of "
-    "{} says. The equation alone leaves {:.0f} % of the misfit, with a map over the position {:.0f} %."
-)
-
+POSITION = "position"
+"""What a force of the position depends on, among the variables of the maps."""
 _REJECTED = (
     "A map of the residual force over {} lowers the held-out misfit, but the held-out error rises from {:.3g} to "
     "{:.3g} times the noise: the map is not used."
@@ -83,6 +79,7 @@ def residual_model(
     executor: Executor,
     *,
     base: Model | None = None,
+    variables: Collection[str] = tuple(MAPS),
     rule: Rule = Rule(),
     effort: Effort = Effort(),
 ) -> ResidualModel | None:
@@ -99,6 +96,7 @@ def residual_model(
     - `floor`: power of each block that a perfect model would leave, shape `(r, b)`.
     - `executor`: runs tests and refits in parallel.
     - `base`: the base model; None: the `model` itself.
+    - `variables`: what the force may depend on; names in `MAPS`.
     - `rule`: whether the map helps, and what is clearly likelier.
     - `effort`: how many maps are refitted, and how far.
 
@@ -131,12 +129,14 @@ def residual_model(
         row = compare(model.judgement, found.judgement, floor, rule=rule)
         return ResidualModel(variable, found, row, helps(row.gains(rule), rule))
 
-    tested = [found for some in executor.map(test, MAPS.items()) for found in some]
+    tested = [
+        found for some in executor.map(test, ((name, MAPS[name]) for name in variables)) for found in some
+    ]
     tested.sort(key=lambda item: -item[0])
     chosen = tested[: own.residual_maps]
     forces = forces_of_position(model, base or model)
     if forces:
-        chosen += [item for item in tested[own.residual_maps :] if item[1] == _POSITION][:1]
+        chosen += [item for item in tested[own.residual_maps :] if item[1] == POSITION][:1]
     return of_alike(list(executor.map(converge, chosen)), forces, rule)
 
 
@@ -151,28 +151,9 @@ def of_alike(converged: Sequence[ResidualModel], named: Collection[str], rule: R
     the position, if it helps and the other one is not clearly likelier by the `rule`. None where there are none."""
     best = max(converged, key=lambda found: found.row.gains(rule).worth, default=None)
     for one in converged:
-        if named and one.variable == _POSITION and one.helps and one is not best and best is not None:
+        if named and one.variable == POSITION and one.helps and one is not best and best is not None:
             return best if best.row.lead_over(one.row).in_errors(rule) > rule.rivals.lead else one
     return best
-
-
-def over_position(
-    residual: ResidualModel,
-    base: Model,
-    last: Model,
-    floor: Float[np.ndarray, "#r #b"],
-    *,
-    rule: Rule = Rule(),
-) -> tuple[ModelComparison, tuple[str, ...]] | None:
-    """The model with the map of the `residual` against the base model, and the names of the forces of the position in
-    the `last` model, where there are some and the map is over the position, too, and helps; else None.
-
-    **Arguments:** `residual`, a map beside the effects of the `last` model; the `base` model; the `floor`; the `rule`.
-    """
-    own = forces_of_position(last, base)
-    if not own or residual.variable != _POSITION or not residual.helps:
-        return None
-    return compare(base.judgement, residual.model.judgement, floor, rule=rule), own
 
 
 def with_and_without_map(without: View, mapped: View, scene: Scene) -> OtherDecision:
@@ -199,9 +180,3 @@ def map_tables(residual: ResidualModel | None) -> tuple[ComparisonTable, ...]:
         return ()
     row, imposed = residual.row, residual.model.posterior.batch.imposed
     return (table_of_one("map", ("map", residual.variable), row, chaotic=False, imposed=imposed),)
-
-
-def other_shape_note(names: tuple[str, ...], alone: float, mapped: float) -> str:
-    """The sentence of a force of the position with another equation than those of the effects with these `names`, which
-    leave the share `alone` of the misfit, and with a map the share `mapped`."""
-    return _OTHER_SHAPE.format(", ".join(names), 100.0 * alone, 100.0 * mapped)

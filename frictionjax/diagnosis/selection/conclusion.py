@@ -1,19 +1,21 @@
 """The last word: the verdict once a free force and a map over the position were tried beside what was accepted."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from frictionjax.diagnosis.rule import Rule
-from frictionjax.diagnosis.selection.round import Round
-from frictionjax.diagnosis.selection.search import Decision
+from frictionjax.diagnosis.selection.round import Round, dropping
+from frictionjax.diagnosis.selection.search import Decision, decision_of
 from frictionjax.diagnosis.selection.verdict_rule import most_left
 from frictionjax.diagnosis.table import ComparisonTable, ModelComparison, table_of_one
+from frictionjax.physics.effects import catalogue
 
-CEILING, SHAPE = "ceiling", "shape"
-"""What is tried beside the last model once the search has ended: a force that is free; a map over the position beside a
-force of the position."""
+CEILING, SHAPE, INSTEAD = "ceiling", "shape", "instead"
+"""What is tried once the search has ended. Beside the last model: a force that is free; a map over the position beside
+a force of the position. And such a map instead of an effect that was named after that force."""
+_OTHER_SHAPE = "less likely than another shape of {}: a map of its force over the position explains more"
 
 
 def asked_afterwards(tried: str, chain: Sequence[Round]) -> tuple[str, ...]:
@@ -30,6 +32,56 @@ def tables_of(
         if row is not None:
             asked = asked_afterwards(tried, chain)
             yield table_of_one(tried, asked, row, chaotic=row.chaotic, imposed=own.imposed)
+
+
+def beside_a_map(
+    decision: Decision, tried: Callable[[Sequence[Round]], ComparisonTable | None], rule: Rule
+) -> Decision:
+    """The `decision`, or one without the names that stand in for another shape of a force of the position.
+
+    Gravity on a linkage is a pendulum, and beside that whatever imitates the rest: a dead zone, a spring. So each
+    effect that was named after a force of the position is compared with a map over the position in its place, and is
+    dropped, with all that was named after it, where the map is clearly likelier by the `rule`, less one nat for each
+    parameter that it has more (Akaike).
+
+    **Arguments:** `tried`, what gives the table of such a comparison for the last name of a chain, as `table_of_map`
+    makes it; None where there is none.
+    """
+    chain = [one for one in decision.rounds if one.accepted is not None]
+    for place in range(1, len(chain)):
+        forces = [one.row.effect for one in chain[:place] if _is_of_position(one.row.effect)]
+        table = tried(chain[: place + 1]) if forces else None
+        if table is None:
+            continue
+        mapped, named, before = table.rows
+        lead = mapped.lead_over(named)
+        fair = dataclasses.replace(lead, total=lead.total - (mapped.free - named.free))
+        if fair.in_errors(rule) > rule.rivals.lead:
+            why = _OTHER_SHAPE.format(", ".join(forces))
+            return decision_of([*chain[:place], dropping(chain[place], why)], before, rule)
+    return decision
+
+
+def table_of_map(
+    chain: Sequence[Round], mapped: ModelComparison, named: ModelComparison, before: ModelComparison
+) -> ComparisonTable:
+    """A map over the position instead of the last effect of the `chain`, as a table that is stored.
+
+    **Arguments:** each model against the base model: with the map, `mapped`; with the effect, `named`; without both,
+    `before`.
+    """
+    table = table_of_one(
+        INSTEAD,
+        asked_afterwards(INSTEAD, chain),
+        mapped,
+        chaotic=named.chaotic,
+        imposed=chain[-1].table.imposed,
+    )
+    return dataclasses.replace(table, rows=(mapped, named, before))
+
+
+def _is_of_position(effect: str) -> bool:
+    return catalogue()[effect][0].about.of_position
 
 
 def below_ceiling(decision: Decision, free: ModelComparison | None, rule: Rule) -> Decision:

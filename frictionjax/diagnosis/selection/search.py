@@ -99,6 +99,12 @@ def decide(tables: Tables, rule: Rule, most: int) -> Decision:
     """Search by the `tables` and the `rule` for at most so many effects, `most`, and say what is named."""
     chain = Search(tables, rule, most).run()
     whole = tables.whole(chain) if any(one.accepted is not None for one in chain) else None
+    return decision_of(chain, whole, rule)
+
+
+def decision_of(chain: Sequence[Round], whole: ModelComparison | None, rule: Rule) -> Decision:
+    """What the rounds of the `chain` come to by the `rule`; `whole`: the last accepted model against the base model,
+    None where nothing was accepted."""
     verdict, (remains, share) = verdict_of(chain, whole, rule=rule)
     return Decision(tuple(chain), verdict, remains, share, tuple(evidence_of(chain, whole, rule=rule)))
 

@@ -5,9 +5,11 @@ from collections.abc import Iterable, Sequence
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.conclusion import (
     CEILING,
+    INSTEAD,
     SHAPE,
     asked_afterwards,
     below_ceiling,
+    beside_a_map,
     of_another_shape,
 )
 from frictionjax.diagnosis.selection.round import Round
@@ -76,6 +78,11 @@ class StoredTables:
         table = self._tables.get(asked_afterwards(tried, chain))
         return None if table is None else table.rows[0]
 
+    def map_instead(self, chain: Sequence[Round]) -> ComparisonTable | None:
+        """The table of a map over the position instead of the last effect of the `chain` (`conclusion.beside_a_map`);
+        None where it is not stored."""
+        return self._tables.get(asked_afterwards(INSTEAD, chain))
+
     def _find(self, asked: tuple[str, ...]) -> ComparisonTable:
         table = self._tables.get(asked)
         if table is None:
@@ -88,7 +95,7 @@ class StoredTables:
 def decide_again(tables: StoredTables, rule: Rule, most: int) -> Decision:
     """What the `rule` makes of stored `tables`, by a search for at most so many effects, `most`, and of what was tried
     when the stored search had ended."""
-    decision = decide(tables, rule, most)
+    decision = beside_a_map(decide(tables, rule, most), tables.map_instead, rule)
     decision = below_ceiling(decision, tables.afterwards(CEILING, decision.rounds), rule)
     return of_another_shape(decision, tables.afterwards(SHAPE, decision.rounds), rule)
 

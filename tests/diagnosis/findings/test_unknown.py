@@ -14,14 +14,14 @@ from helpers_rule import candidate, table
 from frictionjax.core import InputError, silent
 from frictionjax.diagnosis.base_model.fit_base import fit_base
 from frictionjax.diagnosis.evidence.judgement import Judgement
+from frictionjax.diagnosis.findings import other_shape
 from frictionjax.diagnosis.findings.next_experiment import plain_experiments
+from frictionjax.diagnosis.findings.other_shape import other_shape_note, over_position, without_other_shapes
 from frictionjax.diagnosis.findings.residual_map import (
     MAP,
     ResidualModel,
     map_is_used,
     of_alike,
-    other_shape_note,
-    over_position,
     rejected_note,
     residual_model,
 )
@@ -30,6 +30,8 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.selection.conclusion import of_another_shape
 from frictionjax.diagnosis.selection.round import Round
 from frictionjax.diagnosis.selection.search import Decision
+from frictionjax.diagnosis.selection.select import Selection
+from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.table import OtherDecision
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.physics.residual_maps import KNOTS, MAPS, PositionForceMap, PositionLevelMap
@@ -206,6 +208,43 @@ def _unknown(share):
     """A decision that accepted a spring, which leaves this `share`."""
     accepted = Round(table(candidate((1.0 - share,) * 2, effect="return_spring", exact=(True,))), 0)
     return Decision((accepted,), "unknown", True, share, ())
+
+
+@pytest.mark.untyped
+@pytest.mark.parametrize(
+    ("left", "names"), [(0.01, ("return_spring",)), (0.3, ("return_spring", "drive_deadzone"))]
+)
+def test_a_dead_zone_that_imitates_another_shape_of_a_spring_makes_way_for_a_map(monkeypatch, left, names):
+    recordings = closed_loop("fit", moves(8.0), seed=2), closed_loop("held out", moves(8.0), seed=3)
+    batch, dead = make_batch(recordings, encoder_step=FINE), effect("DriveDeadzone", width=0.01)
+    base, first, both = _model(batch, 1.0), _model(batch, 0.4, SPRING), _model(batch, 0.2, SPRING, dead)
+    asked = []
+
+    def mapped(model, floor, executor, **given):
+        asked.append((model, given["base"], given["variables"]))
+        return ResidualModel("position", _model(batch, left, SPRING), None, True)
+
+    monkeypatch.setattr(other_shape, "residual_model", mapped)
+    rounds = [
+        Round(table(candidate(effect=name), key=name), 0) for name in ("return_spring", "drive_deadzone")
+    ]
+    steps = [
+        Step(base, [], [], [], np.ones((1, 1)), 0.0, SimpleNamespace(model=model), ())
+        for model in (first, both)
+    ]
+    found = Selection(steps, Decision(tuple(rounds), "named", True, 0.1, ()), ())
+    kept = without_other_shapes(found, None)
+    assert kept.decision.names == names
+    assert asked == [(first, base, ("position",))]
+    assert [one.asked for one in kept.tables] == [("instead", "return_spring.0", "drive_deadzone.0")]
+    accepted = [step.accepted is not None for step in kept.steps]
+    if len(names) == 1:
+        assert accepted == [True, False] and kept.steps[-1].dropped.startswith(
+            "less likely than another shape of"
+        )
+        assert (kept.decision.verdict, kept.decision.share) == ("unknown", pytest.approx(0.4))
+    else:
+        assert accepted == [True, True] and kept.decision is found.decision
 
 
 @pytest.mark.slow
