@@ -5,6 +5,7 @@ import functools
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -289,7 +290,7 @@ def _before(**numbers: Float[np.ndarray, "..."]) -> Before:
 
 
 @functools.cache
-def _structure_of_before() -> jax.tree_util.PyTreeDef:
+def _structure_of_before() -> Any:
     return jax.tree.structure(Before())
 
 
