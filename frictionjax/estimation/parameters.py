@@ -47,7 +47,7 @@ def _number(value: Float[Numbers, ""] | float) -> Float[Numbers, ""]:
 @functools.lru_cache(maxsize=1024)
 def _array_of(value: float, dtype: np.dtype) -> Array:
     with jax.ensure_compile_time_eval():
-        return jnp.asarray(np.asarray(value, dtype))
+        return jax.device_put(np.asarray(value, dtype))  # `jnp.asarray` compiles a program of its own
 
 
 class Free(PlainMethods, eqx.Module):

@@ -2,7 +2,6 @@
 
 import functools
 import inspect
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -19,6 +18,7 @@ from helpers_traces import (
     arms,
     calibration,
     columns,
+    configured,
     information,
     loaded,
     programs,
@@ -34,6 +34,7 @@ import frictionjax.api as api
 from frictionjax import excitation
 from frictionjax.core import FrictionjaxWarning
 from frictionjax.diagnosis.screening import try_catalogue
+from frictionjax.estimation.parameters import base_layout
 from frictionjax.physics import Drive, LuGre, catalogue
 from frictionjax.simulation import observer_gains, predict_ahead, simulate_reference
 
@@ -310,7 +311,7 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
         lambda folder: api.case_from_files(toml(folder) and folder / "run.csv", folder / "kept.csv"),
     ),
     "catalogue": ("lists classes", lambda folder: api.catalogue()),
-    "configure_jax": ("sets JAX up", lambda folder: _configure()),
+    "configure_jax": ("sets JAX up", lambda folder: configured()),
     "excitation.silent_lines": (
         "whole numbers only",
         lambda _: excitation.silent_lines(np.array([3, 5, 9]), 1.0),
@@ -346,16 +347,15 @@ UNTRACED: dict[str, tuple[str, Callable]] = {
 """Verbs that never touch JAX: why, and a call that shows it."""
 
 
-def _configure() -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])  # put back afterwards
-        api.configure_jax()
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_compiled():
     """What other tests compiled is forgotten: the first call here is a first call."""
     jax.clear_caches()
+
+
+def test_the_numbers_of_a_layout_become_arrays_without_a_program():
+    drive = start(1.0)
+    assert programs(lambda: base_layout(drive, 1.0 / 1234.5)) == []  # the first test: nothing is compiled
 
 
 @functools.cache

@@ -1,5 +1,6 @@
 """Counting what JAX traces and compiles, and short recordings that a fit goes through in seconds."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -138,6 +139,13 @@ def saved_fit(folder):
     )
     api.save_fit(result, folder / "fit.json")
     return folder / "fit.json"
+
+
+def configured():
+    """JAX is set up once more."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])  # put back afterwards
+        api.configure_jax()
 
 
 def unwarmed():
