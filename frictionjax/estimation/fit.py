@@ -44,6 +44,10 @@ _SPREAD = 4.0  # factor by which random starts differ from the given one, at mos
 # Robust cost after the first descent: below it the model fits, and no other start is tried.
 _MODEL_FITS = 0.02
 _MOST_MINIMA = 3  # starts that are followed to a minimum, at most
+_NO_OFFSET = (
+    "The positions are integrated velocities, and the model has no offset of their sensor, which biases its friction: "
+    "drive.with_effects(frictionjax.physics.VelocityOffset()) has one."
+)
 _NO_INERTIA = "All motion is imposed, so inertia cannot be identified: J stays at its starting value."
 
 
@@ -124,6 +128,8 @@ def fit(
         constant = not imposed and "motor_constant" not in (free or ())
         require_agreement(one, plant, motor_constant=constant, inertia=known_inertia)
     notes = (*pieces.notes, *taken_off)
+    if any(one.integrated for one in recordings_of(pieces.positions)) and not given[0].sensor_integrates:
+        notes += (_NO_OFFSET,)
     if "J" not in fixed and (
         known_inertia or (imposed and _inertia_is_unidentifiable(ties or {}, priors or {}))
     ):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from frictionjax.core import InputError
-from frictionjax.physics import Drive, LuGre, catalogue
+from frictionjax.physics import Drive, LuGre, VelocityOffset, catalogue
 from frictionjax.physics.effects import AbstractEffect
 from frictionjax.recordings.words import listed, nearest, shown
 
@@ -165,7 +165,8 @@ def _instead(word: str, names: tuple[str, ...]) -> str:
 
 def _effect(table: FieldTable) -> AbstractEffect:
     table.only(EFFECT)
-    name, form, known = table.text("name"), table.text("form"), catalogue()
+    known = catalogue() | {VelocityOffset.name: (VelocityOffset,)}
+    name, form = table.text("name"), table.text("form")
     if name not in known:
         table.fail("name", f"there is no effect `{shown(name)}`", _instead(name, tuple(known)))
     forms: dict[str, Any] = {cls.__name__: cls for cls in known[name]}

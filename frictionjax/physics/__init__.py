@@ -8,3 +8,4 @@ from frictionjax.physics.linearise import linearize as linearize
 from frictionjax.physics.lugre import LuGre as LuGre
 from frictionjax.physics.push import Push as Push
 from frictionjax.physics.push import mean_of as mean_of
+from frictionjax.physics.velocity_offset import VelocityOffset as VelocityOffset

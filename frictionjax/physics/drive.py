@@ -29,6 +29,7 @@ from frictionjax.physics.effects.base import (
 )
 from frictionjax.physics.lugre import LuGre
 from frictionjax.physics.push import Push, mean_of
+from frictionjax.physics.velocity_offset import VelocityOffset
 
 _LEAST_LEVEL = 0.01  # over Coulomb friction
 
@@ -96,6 +97,11 @@ class Drive(eqx.Module):
             if isinstance(effect, AbstractSensorEffect):
                 x = effect.measured(x, t, own)
         return x
+
+    @property
+    def sensor_integrates(self) -> bool:
+        """Whether the measured position is an integrated velocity."""
+        return self._has(VelocityOffset)
 
     @property
     def sensor_has_states(self) -> bool:

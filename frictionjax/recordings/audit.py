@@ -16,10 +16,10 @@ from frictionjax.recordings.signals import Clipping, clipping, noise_std, on_gri
 _CHANNELS = ("u", "x", "v", "force", "reference", "temperature", "normal_force", "supply", "simulated")
 _SLOW = 20.0  # Hz; below this, the time column of a servo's recording is more likely in ms
 _PROCESSING = {
-    "held": "x repeats each value: the sensor is slower than the sample rate, and short times carry no information",
-    "interpolated": "x runs in straight lines between samples: it was interpolated before it was stored, "
+    "held": " repeats each value: the sensor is slower than the sample rate, and short times carry no information",
+    "interpolated": " runs in straight lines between samples: it was interpolated before it was stored, "
     "which delays it and hides the noise",
-    "smooth": "x has no noise near the Nyquist frequency: it was low-pass filtered or interpolated before it was "
+    "smooth": " has no noise near the Nyquist frequency: it was low-pass filtered or interpolated before it was "
     "stored, or simulated without noise",
 }
 
@@ -43,6 +43,8 @@ class Audit(eqx.Module):
     - `processing`: `"held"`, `"interpolated"`, `"smooth"` or `""`: traces of earlier processing of x.
     - `regimes`: rest, presliding and sliding.
     - `position_unit`: the unit of all numbers; `position_shown`: that of the sentences, where it is another one.
+    - `measured`: the channel that noise, grid and processing are those of: `"x"`; `"v"`, per second, where x is its
+      integral.
     """
 
     recording: str = eqx.field(static=True)
@@ -61,6 +63,7 @@ class Audit(eqx.Module):
     regimes: Regimes
     position_unit: str = eqx.field(static=True)
     position_shown: str = eqx.field(static=True, default="")
+    measured: str = eqx.field(static=True, default="x")
 
     def to_json(self) -> dict[str, Any]:
         """The audit as plain JSON; numbers that are not finite become null."""
@@ -71,12 +74,13 @@ class Audit(eqx.Module):
         r = self.regimes
         unit, (noise, *speeds) = self._shown(self.noise_std, *(r.speed or ()))
         step = self.encoder_step
-        grid = "x lies on no grid" if step is None else f"x lies on a grid of {self._step(step)}"
+        per = "/s" if self.measured == "v" else ""
+        grid = "lies on no grid" if step is None else f"lies on a grid of {self._step(step)}{per}"
         speed = f", at {speeds[0]:.3g} to {speeds[1]:.3g} {unit}/s" if speeds else ""
         rests = f" of {min(r.rests):.2g} to {max(r.rests):.2g} s" if r.rests else ""
         return (
             f"{self.samples} samples at {self.sample_rate:.6g} Hz, {self.duration:.4g} s.",
-            f"The noise of x is {noise:.3g} {unit} (standard deviation); {grid}.",
+            f"The noise of {self.measured} is {noise:.3g} {unit}{per} (standard deviation); {self.measured} {grid}.",
             f"At rest {r.rest:.0%} of the time, in presliding {r.presliding:.0%}, sliding {r.sliding:.0%}{speed}; "
             f"{_count(r.reversals, 'reversal')} in sliding, {_count(len(r.rests), 'rest')}{rests}.",
             *self.concerns(),
@@ -101,7 +105,7 @@ class Audit(eqx.Module):
             if c.clipped
         ]
         if self.processing:
-            found.append(f"{_PROCESSING[self.processing]}.")
+            found.append(f"{self.measured}{_PROCESSING[self.processing]}.")
         found += self._grid_concerns()
         if self.regimes.rest > 0.99:
             found.append("x is at rest for more than 99 % of the recording.")
@@ -185,9 +189,11 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
         del channels["u"]
     not_finite = {name: int(np.count_nonzero(~np.isfinite(values))) for name, values in channels.items()}
     channels = {name: _bridged(values) for name, values in channels.items()}
-    x = channels["x"]
-    noise, step = noise_std(x), quantum(x)
+    x, name = channels["x"], "v" if recording.integrated and "v" in channels else "x"
+    measured, declared = channels[name], None if recording.integrated else plant.encoder_step
+    noise, step = noise_std(measured), quantum(measured)
     resolution = max(noise if math.isfinite(noise) else 0.0, 0.3 * (step or 0.0))
+    resolution /= recording.sample_rate if name == "v" else 1.0
     return Audit(
         recording=recording.name,
         sample_rate=recording.sample_rate,
@@ -199,9 +205,9 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
         clipped={name: clipping(channels[name]) for name in ("u", "v", "force") if name in channels},
         noise_std=noise,
         encoder_step=step,
-        declared_step=plant.encoder_step,
-        on_declared_grid=None if plant.encoder_step is None else on_grid(x, plant.encoder_step),
-        processing=processing(x, step),
+        declared_step=declared,
+        on_declared_grid=None if declared is None else on_grid(x, declared),
+        processing=processing(measured, step),
         regimes=find_regimes(
             x,
             recording.sample_rate,
@@ -212,6 +218,7 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
         ),
         position_unit=plant.position_unit,
         position_shown=plant.position_shown,
+        measured=name,
     )
 
 

@@ -356,7 +356,7 @@ class _Apart:
 
 def _answer(entry: Entry, columns: Columns) -> str:
     """The column that a model has to predict."""
-    return columns.names["force" if entry.drive == "motion" else "x"]
+    return columns.names["force" if entry.drive == "motion" else columns.motion]
 
 
 def _require_units_everywhere(plant: Plant, entries: list[Entry], chosen: list[Columns]) -> None:

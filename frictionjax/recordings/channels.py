@@ -2,6 +2,7 @@
 
 import dataclasses
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -9,6 +10,7 @@ from jaxtyping import Float, Int
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings.audit import audit
 from frictionjax.recordings.columns import Columns, read_columns
+from frictionjax.recordings.integral import integral_of
 from frictionjax.recordings.jumps import standing, unwrapped
 from frictionjax.recordings.proposal import proposal
 from frictionjax.recordings.readers import AbstractColumnTable
@@ -25,6 +27,11 @@ _OPTIONAL = ("v", "force", "reference", "temperature", "normal_force", "supply",
 _RATE_TOLERANCE = 1e-3
 _SLOWEST, _FASTEST = 1e-3, 1e9  # Hz
 MILLISECONDS = 'units = {t = "ms"} for ms (--unit t=ms)'
+_INTEGRATED = (
+    "There is no position: v was integrated. Its offset belongs to the base model, and positions count from the first "
+    "sample of each recording."
+)
+_NOT_COMPARED = "There is no position that `simulated` could be compared with: it was left out."
 # No measurement is larger, and sums of squares below it stay finite.
 _LARGEST = 1e100
 
@@ -52,13 +59,14 @@ def make_recording(
     columns, converted, left_out = read_columns(chosen, entry, table, plant)
     named = {role: chosen.names.get(role, role) for role in ROLES}
     read_as = tuple(f"{sentence}." for sentence in (*chosen.notes, *converted))
-    rows, late = np.arange(columns["x"].size), np.zeros(columns["x"].size, dtype=bool)
+    motion = chosen.motion
+    rows, late = np.arange(columns[motion].size), np.zeros(columns[motion].size, dtype=bool)
     if "t" in columns:
         _require_finite(columns["t"], table, named["t"], rows)
         rows = _not_repeated(columns)
         columns = {role: values[rows] for role, values in columns.items()}
         columns["t"], late = punctual(columns["t"])
-    stamps, step = _time(entry, table, columns, file)
+    stamps, step = _time(entry, table, columns, columns[motion].size, file)
     first, last = _cut(entry, stamps, step, file)
     used = {role: values[first:last] for role, values in columns.items() if role != "t"}
     if SIMULATED in used and SIMULATED in chosen.guessed:
@@ -68,6 +76,9 @@ def make_recording(
             del used[SIMULATED]
         else:
             read_as = (*read_as, f"`{shown(named[SIMULATED], 40)}` was read as simulated.")
+    if SIMULATED in used and motion == "v":
+        left_out = (*left_out, _NOT_COMPARED)
+        del used[SIMULATED]
     for role, values in used.items():
         _require_finite(values, table, named[role], rows[first:last])
     if last - first < MIN_SAMPLES:
@@ -87,23 +98,20 @@ def make_recording(
         rate = entry.sample_rate or 1.0 / step
         grid = TimeGrid(rate, Sampling(), stamps[first:last], None)
     _require_usual_rate(rate, entry, file)
-    _require_motion(entry, used, file)
-    column = named["x"]
-    used["x"], turns, jump = unwrapped(used["x"], plant.position_unit)
-    remarks = ()
-    if turns:
-        where = f"{table.place(int(rows[first + jump]))}, column `{shown(column)}`"
-        remarks = (f"x jumps by a full turn {_times(turns)}, first at {where}: it was unwrapped.",)
-    elif (stood := standing(used["x"])) is not None:
-        where = f"{table.place(int(rows[first + stood.first]))}, column `{shown(column)}`"
-        remarks = (
-            f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {_times(stood.count)}, "
-            f"first at {where}: the sensor or its transfer skips, and what it skips looks like friction.",
-        )
+    _require_motion(entry, used, motion, file)
+    if motion == "x":
+
+        def place(sample: int) -> str:
+            return f"{table.place(int(rows[first + sample]))}, column `{shown(named['x'])}`"
+
+        used["x"], remarks = _without_turns(used["x"], rate, plant, place)
+    else:
+        remarks = (_INTEGRATED,)
     if SIMULATED in used:
         used[SIMULATED], wraps = on_the_turn_of(used[SIMULATED], entry.drive, plant)
         remarks = (*remarks, *wraps)
-    x = np.ascontiguousarray(grid.follow(used["x"]))
+    x = np.ascontiguousarray(grid.follow(used[motion]))
+    x = x if motion == "x" else integral_of(x, rate)
     u = np.ascontiguousarray(grid.hold(used["u"])) if "u" in used else np.zeros(x.size)
     remarks = (*remarks, *filter(None, (said_of_target(x, u, rate, plant),)))
     optional = {
@@ -130,11 +138,29 @@ def make_recording(
         normal_force=optional["normal_force"],
         supply=optional["supply"],
         simulated=optional["simulated"],
+        integrated=motion == "v",
     )
     found = audit(recording, plant)
     for said in filter(None, (*read_as, found.sampling_sentence(), *remarks)):
         warnings.warn(FrictionjaxWarning(f"{file}: {said}"), stacklevel=2)
     return dataclasses.replace(recording, warnings=(*read_as, *left_out, *remarks, *found.concerns()))
+
+
+def _without_turns(
+    x: Float[np.ndarray, " n"], rate: float, plant: Plant, place: Callable[[int], str]
+) -> tuple[Float[np.ndarray, " n"], tuple[str, ...]]:
+    """A measured position without its jumps by full turns, and sentences on these or on a sensor that skips; `place`
+    says where in the file a sample stands."""
+    x, turns, jump = unwrapped(x, plant.position_unit)
+    if turns:
+        return x, (f"x jumps by a full turn {_times(turns)}, first at {place(jump)}: it was unwrapped.",)
+    stood = standing(x)
+    if stood is None:
+        return x, ()
+    return x, (
+        f"x stands still for up to {1e3 * stood.longest / rate:.3g} ms and then jumps, {_times(stood.count)}, "
+        f"first at {place(stood.first)}: the sensor or its transfer skips, and what it skips looks like friction.",
+    )
 
 
 def _times(count: int) -> str:
@@ -151,9 +177,13 @@ def _not_repeated(columns: dict[str, Float[np.ndarray, " n"]]) -> Int[np.ndarray
 
 
 def _time(
-    entry: Entry, table: AbstractColumnTable, columns: dict[str, Float[np.ndarray, " _"]], file: str
+    entry: Entry,
+    table: AbstractColumnTable,
+    columns: dict[str, Float[np.ndarray, " _"]],
+    size: int,
+    file: str,
 ) -> tuple[Float[np.ndarray, " n"], float]:
-    """Time stamps in s, from the column or from the sample rate, and their median step."""
+    """Time stamps in s of so many samples, from the column or from the sample rate, and their median step."""
     if "t" in columns:
         stamps = columns["t"]
         return stamps, float(np.median(np.diff(stamps))) if stamps.size > 1 else 1.0
@@ -165,7 +195,7 @@ def _time(
             cure="Add sample_rate = 2000.0 (--sample-rate 2000), samples per second, or say which column is the time, "
             f"such as: {proposal(entry, table)}",
         )
-    return np.arange(columns["x"].size) / entry.sample_rate, 1.0 / entry.sample_rate
+    return np.arange(size) / entry.sample_rate, 1.0 / entry.sample_rate
 
 
 def _cut(entry: Entry, stamps: Float[np.ndarray, " n"], step: float, file: str) -> tuple[int, int]:
@@ -226,15 +256,16 @@ def _require_usual_rate(rate: float, entry: Entry, file: str) -> None:
         )
 
 
-def _require_motion(entry: Entry, used: dict[str, Float[np.ndarray, " n"]], file: str) -> None:
-    """Refuse a recording without motion, input or force."""
+def _require_motion(entry: Entry, used: dict[str, Float[np.ndarray, " n"]], motion: str, file: str) -> None:
+    """Refuse a recording without motion, which a column with this role shows, without input, or without force."""
     place = entry.spot.at()
-    if np.ptp(used["x"]) == 0:
+    if np.ptp(used[motion]) == 0:
+        what = "position" if motion == "x" else "velocity"
         raise InputError(
-            f"x is constant ({used['x'][0]:.6g}): nothing moved, or this is not the position",
+            f"{motion} is constant ({used[motion][0]:.6g}): nothing moved, or this is not the {what}",
             file=file,
             place=place,
-            cure="Check the sensor and which column is x (columns)",
+            cure=f"Check the sensor and which column is {motion} (columns)",
         )
     if entry.drive == "force" and not used["u"].any():
         raise InputError(

@@ -114,7 +114,7 @@ def on_one_clock(
 
     **Raises:** `InputError` for a clock without one time a sample, and for differing clocks that do not run forward.
     """
-    clock = table.clock(names["x"])
+    clock = table.clock(names.get("x") or names["v"])
     if clock is None or "t" in values:
         return values, ()
     own = {role: times for role, name in names.items() if (times := table.clock(name)) is not None}

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from frictionjax.core import InputError
 from frictionjax.recordings.clock import contradicts, on_one_clock, seconds
-from frictionjax.recordings.proposal import proposal, suits
+from frictionjax.recordings.proposal import looks_like_position, proposal, suits
 from frictionjax.recordings.readers import AbstractColumnTable
 from frictionjax.recordings.recording import Plant
 from frictionjax.recordings.schema import ROLES, Entry
@@ -33,12 +33,19 @@ class Columns(eqx.Module):
     - `units`: role -> the column's unit, as text; roles without one are absent.
     - `notes`: which columns were found by names that people use, as sentences.
     - `guessed`: the roles of these.
+
+    A recording without a position has the role v in its place, whose integral the position is.
     """
 
     names: dict[str, str] = eqx.field(static=True)
     units: dict[str, str] = eqx.field(static=True)
     notes: tuple[str, ...] = eqx.field(static=True)
     guessed: frozenset[str] = eqx.field(static=True, default=frozenset())
+
+    @property
+    def motion(self) -> str:
+        """The role of the column that shows the motion: x, or v where only the velocity was recorded."""
+        return "x" if "x" in self.names else "v"
 
 
 def find_columns(entry: Entry, table: AbstractColumnTable) -> Columns:
@@ -82,6 +89,11 @@ def find_columns(entry: Entry, table: AbstractColumnTable) -> Columns:
             unsure = (f"{len(like)} columns could be simulated, and none was read: {listed(like)}",)
         elif like and must:
             raise _ambiguous(role, like, entry, table)
+        elif role == "x" and not motion and (speeds := _velocities(entry, table, free)):
+            if len(speeds) > 1 and "v" not in names:
+                raise _ambiguous("v", speeds, entry, table)
+            if "v" not in names:
+                names["v"] = guessed["v"] = speeds[0]
         elif role in needed:
             raise _no_column(role, role, entry, table)
     _require_different(names, entry, table)
@@ -110,6 +122,9 @@ def labelled(plant: Plant, columns: Columns, entry: Entry) -> Plant:
         if not has_label(plant, role) and role in columns.units and role not in entry.scale:
             unit = parse_unit(columns.units[role])
             found[label] = unit.si if unit else columns.units[role]
+    if columns.motion == "v" and not has_label(plant, "x") and "v" not in entry.scale:
+        unit = parse_unit(columns.units.get("v", ""))
+        found |= {LABELS["x"]: unit.si.removesuffix("/s")} if unit else {}
     return dataclasses.replace(plant, **found)
 
 
@@ -210,6 +225,17 @@ def _in_one_sentence(parts: list[tuple[str, str, str]]) -> tuple[str, ...]:
     return (", ".join([f"{subject} {verb} {rest}", *(f"{other} {more}" for other, _, more in others)]),)
 
 
+def _velocities(entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> list[str]:
+    """The columns that could be the velocity of a recording without a position, among those that are `free`; none where
+    one of these may be the position."""
+    named = ("v",) if "v" in entry.columns or table.has("v") else ()
+    like = columns_like("v", entry.drive, free, guess=True)
+    rest = tuple(name for name in free if name not in like)
+    if looks_like_position(entry, table, rest):
+        return []
+    return [*named] or [name for name in like if suits("v", name, table)]
+
+
 def _named(role: str, entry: Entry, table: AbstractColumnTable) -> str:
     """The column that the case names for a role; it may leave out the unit in a header."""
     name = entry.columns[role]
@@ -260,20 +286,21 @@ def _of_one_length(
     table: AbstractColumnTable,
 ) -> tuple[dict[str, Float[np.ndarray, " _"]], tuple[str, ...]]:
     """The columns as long as x, and sentences on those that were left out."""
-    needed = ("x", "force") if entry.drive == "motion" else ("x", "u")
-    left_out, size = [], values["x"].size
+    motion = "x" if "x" in names else "v"
+    needed = (motion, "force") if entry.drive == "motion" else (motion, "u")
+    left_out, size = [], values[motion].size
     for role in list(values):
         if values[role].size == size:
             continue
         if role in needed or role in entry.columns or (role == "t" and entry.sample_rate is None):
             raise InputError(
                 f"`{shown(names[role])}` ({role}) has {values[role].size} samples, "
-                f"`{shown(names['x'])}` (x) has {size}",
+                f"`{shown(names[motion])}` ({motion}) has {size}",
                 file=shown(table.path, 200),
                 place=entry.spot.at(),
                 cure="Name columns of one and the same recording (columns), or cut them to one length",
             )
-        left_out.append(f"`{role}` has {values[role].size} samples and x has {size}: it was left out.")
+        left_out.append(f"`{role}` has {values[role].size} samples and {motion} has {size}: it was left out.")
         del values[role]
     return values, tuple(left_out)
 

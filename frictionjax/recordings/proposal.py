@@ -79,6 +79,11 @@ def _guesses(entry: Entry, table: AbstractColumnTable) -> dict[str, str]:
     return {role: found.get(role, FILL_IN) for role in roles}
 
 
+def looks_like_position(entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> bool:
+    """Whether a word or the unit of one of the `free` columns points to a position, though its name does not say so."""
+    return any(like("x", entry, table, free) is not None for like in (_by_word, _by_unit))
+
+
 def _given(role: str, entry: Entry, table: AbstractColumnTable, free: tuple[str, ...]) -> str | None:
     """The column that the case names, where there is one, or that has the role as its name."""
     name = entry.columns.get(role, role)

@@ -123,6 +123,8 @@ class Recording(AbstractDisplayed):
     - `v`, `force`, `reference`, `temperature`, `normal_force`, `supply`: optional channels, shape `(n,)`.
     - `simulated`: the position that a simulation of the user's gives for the same input, position units, shape `(n,)`;
       with `drive = "motion"` the force, force units; None where there is none.
+    - `integrated`: True where no position was measured: `x` is the integral of `v` from zero, which keeps the offset of
+      the velocity sensor as a constant drift.
     - `warnings`: what the audit found, as sentences.
     - `sampling`: how far the file's time stamps were from a uniform grid.
     - `plant`: the machine, as its case describes it; None when nothing is known of it.
@@ -143,6 +145,7 @@ class Recording(AbstractDisplayed):
     normal_force: Float[np.ndarray, " n"] | None = None
     supply: Float[np.ndarray, " n"] | None = None
     simulated: Float[np.ndarray, " n"] | None = None
+    integrated: bool = eqx.field(static=True, default=False)
     warnings: tuple[str, ...] = eqx.field(static=True, default=())
     sampling: Sampling = Sampling()
     plant: Plant | None = None

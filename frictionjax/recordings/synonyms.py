@@ -38,13 +38,19 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
             "istposition",
         ),
     ),
+    "v": (
+        *("velocity", "vel", "speed", "omega", "angular velocity", "angular speed", "motor speed"),
+        *("motor velocity", "actual speed", "actual velocity", "speed actual", "velocity actual"),
+        *("joint velocity", "qd", "dq", "rpm", "drehzahl", "geschwindigkeit", "istdrehzahl"),
+    ),
     "force": ("friction", "friction force", "friction torque", "f", "measured force", "kraft", "load cell"),
     "simulated": (
         *("sim", "simulation", "simulated output", "model", "model output", "simulink", "simscape", "mujoco"),
     ),
 }
-"""Role -> names that people use for it, in lower case, words apart by blanks. Only for roles that a recording needs,
-and for what a simulation gives; any other column that it can do without is never taken by a guess."""
+"""Role -> names that people use for it, in lower case, words apart by blanks. Only for roles that a recording needs, a
+velocity where there is no position, and for what a simulation gives; any other column that it can do without is never
+taken by a guess."""
 _SIMULATED = {
     "force": (
         *(

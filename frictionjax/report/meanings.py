@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from frictionjax.core import Estimate, Parameter
 from frictionjax.diagnosis.verdict import MissingEffect
 from frictionjax.estimation.parameters import INERTIA
-from frictionjax.physics import LuGre
+from frictionjax.physics import LuGre, VelocityOffset
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
 _AMPLITUDE = "amplitude of the wave"
@@ -22,7 +22,8 @@ def meaning_of(label: str) -> str:
     """
     effect, _, name = label.rpartition(".")
     if not effect:
-        known = {one.name: one.meaning for one in (INERTIA, *LuGre.parameters)}
+        own = (INERTIA, *LuGre.parameters, *VelocityOffset.strengths)
+        known = {one.name: one.meaning for one in own}
         return known.get(name, "")
     effect = effect.split(".")[-1].rstrip("0123456789_")
     for form in catalogue().get(effect, ()):

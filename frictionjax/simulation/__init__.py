@@ -15,5 +15,6 @@ from frictionjax.simulation.observer import left_by_observer as left_by_observer
 from frictionjax.simulation.observer import left_by_varying_observer as left_by_varying_observer
 from frictionjax.simulation.observer import observe as observe
 from frictionjax.simulation.observer import observer_gains as observer_gains
+from frictionjax.simulation.observer import sensor_noise as sensor_noise
 from frictionjax.simulation.prediction import predict_ahead as predict_ahead
 from frictionjax.simulation.reference import simulate_reference as simulate_reference

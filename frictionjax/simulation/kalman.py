@@ -13,7 +13,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.physics import Drive, Push, mean_of
 from frictionjax.simulation.fixed import Start, state_at
@@ -27,6 +27,7 @@ _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that i
 # filter diverges.
 _CREEP_VARIANCE = 30.0
 _MEMORY = 10.0  # samples over which innovations are compared with their variance
+_SLIGHT = 1e-3  # power of white noise beside a random walk: more than rounding leaves of the covariance
 _LOST = 9.0  # mean square over that variance, from which the filter has lost the machine: three standard deviations
 
 
@@ -74,6 +75,7 @@ def kalman_filter(
     start: Start,
     start_std: tuple[Float[Array, ""], Float[Array, ""]],
     *,
+    integrated: Bool[Array, ""] | bool = False,
     substeps: Substeps = 1,
     samples: Int[Array, ""] | None = None,
     recovers: bool = False,
@@ -90,6 +92,8 @@ def kalman_filter(
     - `disturbance`: standard deviation of the unmeasured force, force units.
     - `start`: position, velocity and bristle deflection at the first sample; `start_std`: the standard deviations of
         the first two.
+    - `integrated`: whether `x` is an integrated velocity. Its noise is a random walk, whose steps have twice the power
+        of `noise`: that of the position itself, as the filter sees it.
     - `substeps`: integration steps per sample.
     - `samples`: as in `scan_samples`.
     - `recovers`: whether the filter finds back to a machine that it has lost. Near break-away a machine that moves may
@@ -101,12 +105,13 @@ def kalman_filter(
     first = _flat(state_at(drive, start))
     size, bristles = first.shape[0], drive.bristle_count
     directions = jnp.eye(size + 1)
+    white, walk = jnp.where(integrated, _SLIGHT, 1.0) * noise**2, jnp.where(integrated, 2.0, 0.0) * noise**2
     covariance = jnp.zeros((size, size)).at[0, 0].set(start_std[0] ** 2).at[1, 1].set(start_std[1] ** 2)
 
     def corrected(covariance, row):
         """Gain, variance of the innovation, and the covariance after the measurement."""
         cross = covariance @ row
-        variance = row @ cross + noise**2
+        variance = row @ cross + white
         gain = cross / variance
         return gain, variance, covariance - gain[:, None] * cross[None]
 
@@ -120,7 +125,7 @@ def kalman_filter(
             own = None
         else:
             own, surprise = alone
-            expected = row @ covariance @ row + noise**2
+            expected = row @ covariance @ row + white
             surprise = surprise + (innovation**2 / expected - surprise) / _MEMORY
             more = jnp.where(surprise > _LOST, innovation**2, 0.0)
             surprise = jnp.where(surprise > _LOST, 1.0, surprise)
@@ -152,7 +157,7 @@ def kalman_filter(
             covariance = (
                 moved @ covariance @ moved.T + disturbance**2 * columns[size][:, None] * columns[size][None]
             )
-            covariance = 0.5 * (covariance + covariance.T)
+            covariance = (0.5 * (covariance + covariance.T)).at[0, 0].add(walk)
             # In sliding the bristle's covariance decays within a few samples, to denormal numbers, with which a
             # processor is a hundred times slower.
             return jnp.where(jnp.abs(covariance) > _NEGLIGIBLE, covariance, 0.0)

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from frictionjax.core.arrays import Numbers, known
 from frictionjax.core.programs import compiled
@@ -55,16 +55,35 @@ def observer_gains(
     return ObserverGains(xp.asarray(1.0 - pole**2), xp.asarray((1.0 - pole) ** 2 / dt))
 
 
-def innovation_gain(gains: ObserverGains) -> Float[Numbers, "..."]:
-    """RMS of the innovation over that of white measurement noise, for a free mass under the true model.
+def innovation_gain(
+    gains: ObserverGains, integrated: Bool[Numbers, "..."] | bool = False
+) -> Float[Numbers, "..."]:
+    """RMS of the innovation over that of the measurement noise, for a free mass under the true model.
 
-    The norm of (1 - q)^2 / (1 - p q)^2, from noise to innovation with q the unit delay: sqrt(2 (3 + p) / (1 + p)^3).
+    The norm of (1 - q)^2 / (1 - p q)^2, from white noise to innovation with q the unit delay:
+    sqrt(2 (3 + p) / (1 + p)^3). The noise of an integrated velocity is a random walk, whose steps have the power of the
+    differences of white noise, sqrt(2) times it: sqrt(2) times the norm of (1 - q) / (1 - p q)^2 is
+    2 / sqrt((1 - p) (1 + p)^3).
 
-    **Arguments:** `gains`, from `observer_gains`, of any shape; the gain has the same shape.
+    **Arguments:** `gains`, from `observer_gains`, of any shape; the gain has the same shape; `integrated`: whether the
+    positions are integrated velocities, of that shape, too.
     """
     xp, (position,) = known(gains.position)
     pole = xp.sqrt(1.0 - position)
-    return xp.asarray(xp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3))
+    white = xp.sqrt(2.0 * (3.0 + pole) / (1.0 + pole) ** 3)
+    return xp.asarray(xp.where(integrated, 2.0 / xp.sqrt((1.0 - pole) * (1.0 + pole) ** 3), white))
+
+
+def sensor_noise(
+    white: Float[np.ndarray, "*k rows n"], integrated: Bool[np.ndarray, " rows"]
+) -> Float[np.ndarray, "*k rows n"]:
+    """The noise of a measured position over its standard deviation, of `white` noise of unit power: that itself, and a
+    random walk from zero in the rows where the position is an `integrated` velocity (`innovation_gain`)."""
+    walks = np.asarray(integrated)[:, None]
+    if not np.any(walks):
+        return white
+    walk = np.cumsum(white, axis=-1) - white[..., :1]
+    return np.where(walks, np.sqrt(2.0) * walk, white)
 
 
 def left_by_observer(x: Float[np.ndarray, "rows n"], gains: ObserverGains) -> Float[np.ndarray, "rows n"]:
@@ -136,6 +155,9 @@ def corrected(
             further + drive.measured(state.x, start, state.hidden) - drive.measured(state.x, start, hidden)
         )
     x, v = state.x + further, state.v + faster
+    if drive.sensor_integrates:
+        # What the integral has drifted is no motion: the bristles stay as they are.
+        return DriveState(x, v, state.bristle, state.elements, _load_carried(drive, hidden, further, faster))
     # In stick the bristle moves with the machine and is corrected with it; a slipping bristle is not. The level is
     # that at this velocity: with Fs instead, sliding bristles would be corrected too, and a model with a narrow peak of
     # static friction would gain a faster observer.

@@ -20,6 +20,7 @@ from frictionjax.estimation.data.imposed_batch import ImposedBatch, make_imposed
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import Before
 from frictionjax.recordings import Recording
+from frictionjax.simulation import sensor_noise
 from frictionjax.simulation.fixed import run_free
 
 _FINER = 8  # integration steps, for each of a fit: those at which parameters are reported
@@ -63,7 +64,8 @@ def recordings_like(
     - `deflection`: of the bristle at the first sample of each, over Fs/sigma0, shape `(r,)`.
     - `rng`: of the sensor's noise and the unmeasured force.
 
-    **Returns:** one recording for each, in the same order, without measured velocity.
+    **Returns:** one recording for each, in the same order, without measured velocity but where it is the only measured
+    channel.
 
     **Raises:** `InputError` where the machine runs away.
     """
@@ -85,7 +87,7 @@ def recordings_like(
     x = np.asarray(_positions(drive, u, jnp.asarray(push), dt, start, batch.before, steps))
     step = conditions.encoder_step
     white = np.sqrt(np.maximum(noise**2 - step**2 / 12.0, 0.0))
-    found = x + white[:, None] * rng.standard_normal(x.shape)
+    found = x + white[:, None] * sensor_noise(rng.standard_normal(x.shape), np.asarray(batch.integrated))
     if step:
         found = step * np.round(found / step)
     return tuple(
@@ -129,5 +131,7 @@ def _changed(one: Recording, answer: Float[np.ndarray, " n"], channel: str) -> R
             place=f"recording {one.name}",
             cure="Leave it out",
         )
+    # Differences of an integrated velocity have its noise, white.
+    v = np.diff(answer, prepend=answer[0]) * one.sample_rate if one.integrated else None
     # The input no longer answers to what is measured.
-    return dataclasses.replace(one, v=None, warnings=(), loop="open", **{channel: answer})
+    return dataclasses.replace(one, v=v, warnings=(), loop="open", **{channel: answer})

@@ -9,13 +9,14 @@ from helpers_plants import STAGE
 
 from frictionjax.physics.effects.encoder_error import EncoderError
 from frictionjax.physics.effects.sensor_lag import SensorLag
-from frictionjax.simulation import simulate
+from frictionjax.simulation import sensor_noise, simulate
 from frictionjax.simulation.kalman import driven_by, kalman_filter, predicted_with
 
 RATE, N = 2000.0, 6000
 DT = jnp.asarray(1.0 / RATE)
 SENSORS = {
     "plain": (),
+    "velocity": (),
     "late": (SensorLag(3e-3),),
     "uneven": (EncoderError(sine=2e-6, cosine=1e-6, period=5e-4),),
 }
@@ -31,7 +32,9 @@ def filtered(request):
     u = (1.3 * Fc + push * rng.standard_normal(N)) / float(STAGE.motor_constant)
     start = {"x0": 0.0, "v0": v0, "z0": Fc / float(STAGE.friction.sigma0)}
     run = simulate(drive, u, RATE, substeps=1, **start)
-    measured = run.measured + noise * rng.standard_normal(N)
+    integrated = request.param == "velocity"
+    (own,) = sensor_noise(rng.standard_normal((1, N)), np.array([integrated]))
+    measured = run.measured + noise * own
     force = jnp.full(N, 1.3 * Fc)
     at = tuple(jnp.asarray(value) for value in start.values())
     found = kalman_filter(
@@ -43,6 +46,7 @@ def filtered(request):
         jnp.asarray(push),
         at,
         (jnp.asarray(1e-9), jnp.asarray(1e-9)),
+        integrated=integrated,
     )
     return drive, force, measured, at, found
 

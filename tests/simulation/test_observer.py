@@ -8,12 +8,15 @@ import pytest
 from helpers_plants import FORMS, LARGE, STAGE, TABLE_I, effect
 from scipy.signal import lfilter
 
+from frictionjax.physics import VelocityOffset
 from frictionjax.simulation import (
     innovation_gain,
     innovations,
+    left_by_observer,
     observe,
     observer_gains,
     residual_force,
+    sensor_noise,
     simulate,
 )
 from frictionjax.simulation.observer import corrected
@@ -46,6 +49,21 @@ def test_innovation_gain_is_the_norm_of_its_impulse_response():
     found = float(innovation_gain(observer_gains(80.0, 1.0 / RATE)))
     assert found == pytest.approx(np.sqrt(np.sum(response**2)), rel=1e-6)
     assert float(innovation_gain(observer_gains(1e-3, 1.0 / RATE))) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_of_an_integrated_velocity_the_noise_is_a_random_walk_of_the_power_of_differences():
+    gains = observer_gains(np.array([80.0, 80.0]), 1.0 / RATE)
+    white = np.random.default_rng(5).standard_normal((200, 2, 2000))
+    noise = sensor_noise(white, np.array([True, False]))
+    np.testing.assert_array_equal(noise[:, 1], white[:, 1])
+    steps, differences = np.diff(noise[:, 0]), np.diff(white[:, 0])
+    assert np.mean(steps**2) / np.mean(differences**2) == pytest.approx(1.0, abs=0.02)
+    found = np.array([left_by_observer(one, gains) for one in noise])[..., 1000:]
+    expected = np.asarray(innovation_gain(gains, np.array([True, False])))
+    powers = np.mean(found**2, axis=2)
+    error = np.std(powers, axis=0) / np.sqrt(len(powers))
+    assert np.all(np.abs(powers.mean(axis=0) - expected**2) < 4.0 * error)
+    assert np.all(error < 0.02 * expected**2)
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +123,21 @@ def test_innovation_of_white_noise_is_the_gain_times_the_noise(sliding, bandwidt
     stderr = ratio / np.sqrt(2.0 * effective)
     assert abs(ratio - float(innovation_gain(observer_gains(bandwidth, 1.0 / RATE)))) < 3.0 * stderr
     assert stderr < 0.02 * ratio
+
+
+def test_the_drift_of_an_integrated_velocity_bends_no_bristle():
+    """A machine that sticks under a constant force, and a sensor whose integral wanders by several of its bends."""
+    bend = float(STAGE.friction.Fs / STAGE.friction.sigma0)
+    force = jnp.full(N, 0.5 * float(STAGE.friction.Fs))
+    walk = sensor_noise(np.random.default_rng(4).standard_normal((1, N)), np.array([True]))[0]
+    walk *= 5.0 * bend / np.max(np.abs(walk))
+    start = (jnp.asarray(0.0), jnp.asarray(0.0), jnp.asarray(0.5 * bend))
+    found = [
+        observe(drive, force, jnp.asarray(walk), DT, observer_gains(20.0, DT), start)
+        for drive in (STAGE.with_effects(VelocityOffset()), STAGE)
+    ]
+    own, plain = (np.ptp(seen.z[:, 0]) / bend for seen in found)
+    assert own < 0.3 and plain > 0.5, (own, plain)
 
 
 def test_innovations_are_those_of_observe(sliding):

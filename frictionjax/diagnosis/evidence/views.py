@@ -185,7 +185,9 @@ def _view_of_rows(
         name: put_together(list(zip(pieces, parts, strict=True)), rows.size, length)
         for name, parts in fields.items()
     }
-    relative = np.asarray(innovation_gain(gains))[:, None] if varying is None else varying.unit
+    relative = (
+        np.asarray(innovation_gain(gains, batch.integrated))[:, None] if varying is None else varying.unit
+    )
     unit = np.asarray(batch.noise)[:, None] * relative
     whole["one_sample"] = np.asarray(batch.x)[:, :length] - whole["innovation"]
     whole["e"] = whole.pop("innovation") / unit * np.asarray(batch.valid)[:, :length]

@@ -153,7 +153,7 @@ def _errors(free: Float[np.ndarray, "r n"], scene: Scene) -> Float[np.ndarray, "
             continue
         gains = observer_gains(scene.bandwidth[[row]], np.asarray(batch.dt)[[row]])
         (left,) = left_by_observer((own - own[0])[None], gains)
-        e[row, :length] = left / (noise[row] * float(innovation_gain(gains)[0]))
+        e[row, :length] = left / (noise[row] * float(innovation_gain(gains, batch.integrated[row])[0]))
     return e * np.asarray(batch.valid)
 
 

@@ -14,7 +14,7 @@ from frictionjax.core import InputError, Parameter
 from frictionjax.estimation.parameters import INERTIA
 from frictionjax.estimation.start.driven import StartingValues, starting_values
 from frictionjax.estimation.start.force_balance import force_balance, force_of
-from frictionjax.physics import Drive, LuGre
+from frictionjax.physics import Drive, LuGre, VelocityOffset
 from frictionjax.physics.effects import AbstractEffect, AbstractForceEffect, AbstractStateEffect, catalogue
 from frictionjax.recordings import Case, Given, GivenEffect, GivenModel, Recording
 from frictionjax.recordings.words import listed, nearest, shown
@@ -53,15 +53,15 @@ class OwnModel(eqx.Module):
 
 
 def own_model(case: Case) -> OwnModel:
-    """What the `case` says of its base model; known inertia is fixed.
+    """What the `case` says of its base model; known inertia is fixed. Where the position is an integrated velocity, the
+    offset of that sensor is one of the effects.
 
-    **Raises:** `InputError` for a name that is not in the catalogue, and for a value out of its range.
+    **Raises:** `InputError` for a name that is not in the catalogue, for a value out of its range, and for a case with
+    positions and velocities alone.
     """
     inertia = case.plant.inertia
     known = {} if inertia is None else {"J": inertia}
-    if case.model is None:
-        return OwnModel(values=known, fixed=frozenset(known))
-    model = case.model
+    model = case.model or GivenModel()
     parameters = {parameter.name: parameter for parameter in _parameters()}
     for name, given in model.parameters.items():
         if name not in parameters:
@@ -95,9 +95,26 @@ def own_model(case: Case) -> OwnModel:
         fixed |= {f"effects.{place}.{name}" for name, given in one.values.items() if given.fixed}
         if not any(parameter.name in one.values for parameter in effect.strengths):
             still_open.add(place)
+    if _is_integrated(case):
+        effects.append(VelocityOffset())
     return OwnModel(
         tuple(effects), frozenset(still_open), values | known, frozenset(fixed | (known.keys() & {"J"}))
     )
+
+
+def _is_integrated(case: Case) -> bool:
+    """Whether the positions of the `case` are integrated velocities.
+
+    **Raises:** `InputError` where only some of them are: one sensor has an offset, the other has none.
+    """
+    found = [one.name for one in case.recordings if one.integrated]
+    if found and len(found) < len(case.recordings):
+        raise InputError(
+            f"{listed(found)} gives a velocity alone, and other recordings have a position",
+            file=case.name,
+            cure="Diagnose the two kinds apart, or give the position of all of them",
+        )
+    return bool(found)
 
 
 def starting_values_beside(own: OwnModel, case: Case) -> tuple[StartingValues, OwnModel]:

@@ -19,6 +19,7 @@ from frictionjax.estimation.data.batch import AbstractBatch, least_samples, make
 from frictionjax.estimation.data.imposed_batch import make_imposed_batch
 from frictionjax.estimation.start.driven import StartingValues
 from frictionjax.estimation.start.imposed import starting_values_imposed
+from frictionjax.physics import VelocityOffset
 from frictionjax.recordings import Case, Recording
 
 _NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified."
@@ -78,7 +79,7 @@ def starts_of(case: Case) -> tuple[StartingValues, OwnModel]:
 
 def _said(own: OwnModel) -> tuple[str, ...]:
     """What the report says of the user's `own` model."""
-    names = ", ".join(effect.name for effect in own.effects)
+    names = ", ".join(effect.name for effect in own.effects if not isinstance(effect, VelocityOffset))
     fixed = sorted(path.split(".")[-1] for path in own.fixed if path != "J")
     said = (f"As the case says, the base model contains {names}.",) if names else ()
     return (*said, f"Fixed by the case: {', '.join(fixed)}.") if fixed else said

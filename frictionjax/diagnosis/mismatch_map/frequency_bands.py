@@ -42,8 +42,9 @@ class Bands(eqx.Module):
 def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
     """The bands below the Nyquist frequency of the recordings of the `scene`.
 
-    In the innovations the sensor's noise has the spectrum |(1 - q)/(1 - p q)|^4, a white force on a free mass
-    1/|1 - p q|^4, each of mean 1. Of the `floor` of each sample, 1 is the sensor's noise and the rest the force.
+    In the innovations the sensor's noise has the spectrum |(1 - q)/(1 - p q)|^4, that of an integrated velocity
+    |1 - q|^2/|1 - p q|^4, and a white force on a free mass 1/|1 - p q|^4, each of mean 1. Of the `floor` of each
+    sample, 1 is the sensor's noise and the rest the force.
     """
     null, bands = np.zeros(len(_EDGES) - 1), []
     for row, length in enumerate(scene.batch.lengths):
@@ -51,7 +52,7 @@ def bands_of(scene: Scene, floor: Float[np.ndarray, "r n"]) -> Bands:
         frequency = np.fft.rfftfreq(length, dt)[1:]
         q = np.exp(-2j * np.pi * frequency * dt)
         force = np.abs(1.0 - np.exp(-2.0 * np.pi * bandwidth * dt) * q) ** -4.0
-        sensor = np.abs(1.0 - q) ** 4 * force
+        sensor = np.abs(1.0 - q) ** (2 if scene.batch.integrated[row] else 4) * force
         if scene.white[row]:  # of a Kalman filter, and all noise of an imposed motion's force
             force = sensor = np.ones(frequency.size)
         part = float(np.mean(1.0 / floor[row, :length]))

@@ -83,7 +83,8 @@ def draw_innovations(
     drawn = np.zeros((count, *scored.shape), np.float32)
     for row, length in enumerate(scene.batch.lengths):
         dt = float(scene.batch.dt[row])
-        noise_filter = _noise_filter(0.0 if scene.white[row] else float(scene.bandwidth[row]), dt)
+        bandwidth = 0.0 if scene.white[row] else float(scene.bandwidth[row])
+        noise_filter = _noise_filter(bandwidth, dt, bool(scene.batch.integrated[row]))
         noise = rng.standard_normal((count, length), np.float32)
         levels = np.array([white_level(lane) for lane in noise], np.float32)
         zeros = noise_filter.zeros / np.float32(noise_filter.sensor_gain)
@@ -99,17 +100,18 @@ def draw_innovations(
 
 
 @functools.cache
-def _noise_filter(bandwidth: float, dt: float) -> _NoiseFilter:
+def _noise_filter(bandwidth: float, dt: float, integrated: bool) -> _NoiseFilter:
     if bandwidth == 0.0:  # white: of a Kalman filter; of an imposed motion's force, the noise itself
         return _NoiseFilter(np.ones(1, np.float32), np.ones(1, np.float32), 1.0, 1.0)
     pole = float(np.exp(-2.0 * np.pi * bandwidth * dt))
     poles = np.array([1.0, -2.0 * pole, pole**2], np.float32)
     # The norm of 1/(1 - p q)^2, from force to innovation.
     norm = float(np.sqrt((1.0 + pole**2) / (1.0 - pole**2) ** 3))
+    zeros = np.sqrt(2.0) * np.array([1.0, -1.0]) if integrated else np.array([1.0, -2.0, 1.0])
     return _NoiseFilter(
-        np.array([1.0, -2.0, 1.0], np.float32),
+        zeros.astype(np.float32),
         poles,
-        float(innovation_gain(observer_gains(bandwidth, dt))),
+        float(innovation_gain(observer_gains(bandwidth, dt), integrated)),
         norm,
     )
 

@@ -10,7 +10,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int, PyTree
+from jaxtyping import Bool, Float, Int, PyTree
 
 from frictionjax.core.arrays import Numbers, known
 from frictionjax.core.plain_methods import PlainMethods
@@ -36,7 +36,8 @@ class AbstractBatch(PlainMethods, eqx.Module):
     **Attributes:** `x` (position units), `valid` (1 where scored, else 0), shape `(r, n)`; `dt` (s), `noise` (standard
     deviation of the noise of the measured output), shape `(r,)`; `block` (samples per block); `lengths` (samples of
     each recording); `before` (what came before each, arrays of shape `(r,)`, `(r, k)`); `substeps` (integration steps
-    a sample); `run`: of a piece, what is then a number of the case.
+    a sample); `integrated` (whether the positions are integrated velocities, shape `(r,)`); `run`: of a piece, what is
+    then a number of the case.
     """
 
     x: eqx.AbstractVar[Float[Numbers, "r n"]]
@@ -47,6 +48,7 @@ class AbstractBatch(PlainMethods, eqx.Module):
     lengths: eqx.AbstractVar[Int[np.ndarray, " r"]]
     before: eqx.AbstractVar[Before]
     substeps: eqx.AbstractVar[int]
+    integrated: eqx.AbstractVar[Bool[Numbers, " r"]]
     run: eqx.AbstractVar[RunLength | None]
 
     @property
@@ -116,7 +118,8 @@ class Batch(AbstractBatch):
     """Force-driven recordings: the applied input and the measured position.
 
     **Attributes:** beside those of every batch `u` (input units), shape `(r, n)`, and position and velocity at the
-    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position; `substeps`: integration steps a sample.
+    first sample, `x0`, `v0`, shape `(r,)`; `noise` is that of the position (`noise_level`); `substeps`: integration
+    steps a sample.
     """
 
     u: Float[Numbers, "r n"]
@@ -126,6 +129,7 @@ class Batch(AbstractBatch):
     noise: Float[Numbers, " r"]
     x0: Float[Numbers, " r"]
     v0: Float[Numbers, " r"]
+    integrated: Bool[Numbers, " r"]
     block: int = eqx.field(static=True)
     lengths: Int[np.ndarray, " r"]
     before: Before
@@ -138,7 +142,9 @@ class Batch(AbstractBatch):
             u=padded(self.u, piece),
             x=padded(self.x, piece),
             valid=padded(self.valid, piece, "zero"),
-            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "x0", "v0")}, piece),
+            **lanes_of(
+                {name: getattr(self, name) for name in ("dt", "noise", "x0", "v0", "integrated")}, piece
+            ),
             block=1,
             lengths=self.lengths[piece.lanes],
             before=before_piece(self.before, piece),
@@ -234,13 +240,17 @@ def white_level(values: Float[np.ndarray, " n"]) -> float:
 
 def noise_level(recording: Recording, encoder_step: float | None = None) -> float:
     """Standard deviation of the position noise, position units: its `white_level`, but not below what the quantisation
-    alone leaves, step / sqrt(12)."""
+    alone leaves, step / sqrt(12). Of an integrated velocity with white noise s it is s dt / sqrt(2): the noise of the
+    integral is a random walk, whose steps have twice that power (`simulation.sensor_noise`)."""
+    measured, factor = recording.x, 1.0
+    if recording.integrated and recording.v is not None:
+        measured, factor, encoder_step = recording.v, math.sqrt(0.5) / recording.sample_rate, None
     if encoder_step is None:
-        jumps = np.abs(np.diff(recording.x))
-        jumps = jumps[jumps > 1e-12 * np.ptp(recording.x)]
+        jumps = np.abs(np.diff(measured))
+        jumps = jumps[jumps > 1e-12 * np.ptp(measured)]
         encoder_step = float(np.min(jumps)) if jumps.size else 0.0
     # The recording of a machine that never moves, by an encoder of unknown step, has neither noise nor a step.
-    found = max(white_level(recording.x), encoder_step / np.sqrt(12.0))
+    found = factor * max(white_level(measured), encoder_step / np.sqrt(12.0))
     return found or 1e-9 * float(np.max(np.abs(recording.x))) or _NO_POSITION
 
 
@@ -376,6 +386,7 @@ def make_batch(recordings: tuple[Recording, ...], *, encoder_step: float | None 
         noise=np.asarray(noise),
         x0=np.asarray(x0),
         v0=np.asarray(v0),
+        integrated=np.array([r.integrated for r in recordings]),
         block=block,
         lengths=np.array([r.x.size for r in recordings]),
         before=what_was_before(recordings),

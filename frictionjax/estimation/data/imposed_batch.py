@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from frictionjax.core import InputError
 from frictionjax.core.arrays import Numbers
@@ -38,6 +38,7 @@ class ImposedBatch(AbstractBatch):
     lengths: Int[np.ndarray, " r"]
     before: Before
     ease: Float[Numbers, " r"]
+    integrated: Bool[Numbers, " r"]
     substeps: int = eqx.field(static=True, default=1)
     run: RunLength | None = None
 
@@ -47,7 +48,7 @@ class ImposedBatch(AbstractBatch):
             x=padded(self.x, piece, "line"),
             force=padded(self.force, piece),
             valid=padded(self.valid, piece, "zero"),
-            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "ease")}, piece),
+            **lanes_of({name: getattr(self, name) for name in ("dt", "noise", "ease", "integrated")}, piece),
             block=1,
             lengths=self.lengths[piece.lanes],
             before=before_piece(self.before, piece),
@@ -117,6 +118,7 @@ def make_imposed_batch(recordings: tuple[Recording, ...]) -> ImposedBatch:
         lengths=lengths,
         before=what_was_before(recordings),
         ease=np.ones(len(recordings)),
+        integrated=np.zeros(len(recordings), dtype=bool),
     )
 
 

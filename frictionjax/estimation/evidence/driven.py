@@ -21,6 +21,7 @@ from frictionjax.simulation import (
     left_by_observer,
     left_by_varying_observer,
     observer_gains,
+    sensor_noise,
 )
 from frictionjax.simulation.lanes import innovations_side_by_side
 
@@ -165,7 +166,7 @@ class Observed(AbstractRecordings):
     def without_model(self) -> Float[np.ndarray, "rows n"]:
         """Standardised innovations of an observer that expects every machine to keep its speed (`left_by_observer`)."""
         batch, gains = self.batch, self._steady
-        unit = np.asarray(batch.noise * innovation_gain(gains))
+        unit = np.asarray(batch.noise * innovation_gain(gains, batch.integrated))
         x, steps = np.asarray(batch.x), np.arange(batch.x.shape[1])
         travel = (
             np.asarray(batch.x0)[:, None] + (np.asarray(batch.v0) * np.asarray(batch.dt))[:, None] * steps
@@ -178,14 +179,19 @@ class Observed(AbstractRecordings):
         return dataclasses.replace(self, batch=pushed)
 
     def with_noise(self, white: Float[np.ndarray, "rows n"]) -> "Observed":
-        """The same inputs with more noise of the position: `white` times its standard deviation."""
-        x = np.asarray(self.batch.x) + np.asarray(self.batch.noise)[:, None] * white
+        """The same inputs with more noise of the position: `white` times its standard deviation, or a random walk of it
+        (`sensor_noise`)."""
+        more = sensor_noise(white, self.batch.integrated)
+        x = np.asarray(self.batch.x) + np.asarray(self.batch.noise)[:, None] * more
         return dataclasses.replace(self, batch=dataclasses.replace(self.batch, x=x))
 
     def noise_alone(self, rng: np.random.Generator) -> Float[np.ndarray, "rows n"]:
-        """Standardised innovations of a free mass that does not move, of white noise from `rng` (`innovation_gain`)."""
-        white = rng.standard_normal(self.batch.x.shape)
-        return left_by_observer(white, self._steady) / np.asarray(innovation_gain(self._steady))[:, None]
+        """Standardised innovations of a free mass that does not move, of the sensor's noise alone, from `rng`
+        (`innovation_gain`)."""
+        integrated = self.batch.integrated
+        noise = sensor_noise(rng.standard_normal(self.batch.x.shape), integrated)
+        unit = np.asarray(innovation_gain(self._steady, integrated))
+        return left_by_observer(noise, self._steady) / unit[:, None]
 
 
 def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | None = None) -> Observed:
@@ -195,5 +201,5 @@ def observed(batch: Batch, bandwidth: float, *, pace: Float[Numbers, " r"] | Non
     own: Float[Numbers, " r"] = xp.ones_like(dt) if pace is None else pace
     band = xp.minimum(bandwidth * own, 0.1 / dt)
     gains, shape = observer_gains(band, dt), batch.x.shape
-    unit = xp.broadcast_to(xp.asarray(innovation_gain(gains))[:, None], shape)
+    unit = xp.broadcast_to(xp.asarray(innovation_gain(gains, batch.integrated))[:, None], shape)
     return Observed(batch, gains.along(*shape), unit, band, own, xp.zeros(dt.shape, dtype=bool))

@@ -208,6 +208,7 @@ def _searched(
         x0: Float[Numbers, ""],
         v0: Float[Numbers, ""],
         z: Float[Numbers, ""],
+        integrated: Bool[Numbers, ""],
         valid: Float[Numbers, " n"],
         given: Bool[Numbers, ""],
         ratios: Float[Numbers, " k"],
@@ -237,6 +238,7 @@ def _searched(
                 quotient * noise,
                 (x0, v0, z),
                 spread,
+                integrated=integrated,
                 substeps=batch.steps,
                 samples=batch.samples,
                 recovers=recovers,
@@ -255,7 +257,17 @@ def _searched(
         return gains[best], deviations[best], sizes[best], ratios[best] * sizes[best], top
 
     gain, deviation, size, push, top = jax.vmap(one)(
-        batch.u, batch.x, batch.dt, batch.noise, batch.x0, batch.v0, deflection, batch.valid, known, ratio
+        batch.u,
+        batch.x,
+        batch.dt,
+        batch.noise,
+        batch.x0,
+        batch.v0,
+        deflection,
+        batch.integrated,
+        batch.valid,
+        known,
+        ratio,
     )
     return gain, deviation, Noise(size, push, top)
 
