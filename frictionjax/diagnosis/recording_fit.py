@@ -58,19 +58,20 @@ class ClosedLoop:
 class RecordingFit(eqx.Module):
     """Measured against base and extended model, for one recording; every array has shape `(n,)`.
 
-    **Attributes:** `name`, `role`, `t` (s), `u` (input units), `x`, `free_base`, `free_extended`,
-    `predicted_base`, `predicted_extended` (position units), `residual_force` (the force that the base model
-    lacks, force units), `residual_force_extended`, `residual_force_std`; `noise_floor` and the root mean square
-    errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`, `prediction_rmse_base`,
-    `prediction_rmse_extended`; those of the motion over 0.1 s in the free run, put on the measured position each time
-    and with the run's own velocity, `increment_rmse_base`, `increment_rmse_extended` (None where not known). Of the
-    user's own simulation as it was given, `free_given`, `free_run_rmse_given`, `increment_rmse_given` and
-    `prediction_rmse_given`; None where there is none, and no prediction where it is a column of the recording, which
-    no measured sample corrects. `horizons`: errors one sample, 0.1 s and 1 s ahead, and over the whole recording;
-    `unmeasured_base`, `unmeasured_extended`: the part of the residual force that noise does not explain;
-    `closed_loop`: the errors under the user's own controller, None where there is none or the loop was open. With
-    `drive = "motion"` the model columns and the errors are those of the force, in force units, `force` is the measured
-    one, and there are no `horizons`.
+    **Attributes:** `name`, `role`, `t` (s), `u` (input units), `x`, `free_base`, `free_extended`, `predicted_base`,
+    `predicted_extended` (position units), `residual_force` (the force that the base model lacks, force units),
+    `residual_force_extended`, `residual_force_std`; `noise_floor`, what a perfect model would leave 0.1 s ahead, and
+    the root mean square errors (position units) `free_run_rmse_base`, `free_run_rmse_extended`,
+    `prediction_rmse_base`, `prediction_rmse_extended`; those of the motion over 0.1 s in the free run, put on the
+    measured position each time and with the run's own velocity, `increment_rmse_base`, `increment_rmse_extended` (None
+    where not known). Of the user's own simulation as it was given, `free_given`, `free_run_rmse_given`,
+    `increment_rmse_given` and `prediction_rmse_given`; None where there is none, and no prediction where it is a
+    column of the recording, which no measured sample corrects. `horizons`: errors one sample, 0.1 s and 1 s ahead, and
+    over the whole recording; `unmeasured_base`, `unmeasured_extended`: the part of the residual force that noise does
+    not explain; `sensor_noise`: that of the position where the floor is another, as of an integrated velocity, which
+    drifts in 0.1 s; `closed_loop`: the errors under the user's own controller, None where there is none or the loop
+    was open. With `drive = "motion"` the model columns and the errors are those of the force, in force units, `force`
+    is the measured one, and there are no `horizons`.
     """
 
     name: str = eqx.field(static=True)
@@ -102,3 +103,9 @@ class RecordingFit(eqx.Module):
     unmeasured_base: Unmeasured | None = eqx.field(static=True, default=None)
     unmeasured_extended: Unmeasured | None = eqx.field(static=True, default=None)
     closed_loop: ClosedLoop | None = eqx.field(static=True, default=None)
+    sensor_noise: float | None = eqx.field(static=True, default=None)
+
+    @property
+    def one_sample_floor(self) -> float:
+        """What a perfect model would leave one sample ahead."""
+        return self.noise_floor if self.sensor_noise is None else self.sensor_noise

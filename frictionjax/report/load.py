@@ -264,6 +264,7 @@ def _recording(folder: Path, name: str, entry: FieldTable, left: list[float | No
         drive="motion" if "force" in columns else "force",
         residual_force_extended=np.array([_number(force) for force in left]),
         noise_floor=entry.number("noise_floor"),
+        sensor_noise=entry.number("sensor_noise") if "sensor_noise" in entry.content else None,
         **errors,
         **columns,
     )

@@ -272,6 +272,8 @@ def _fit_json(recording: RecordingFit) -> dict[str, Any]:
         errors[model]["unmeasured_force"] = lacking and dataclasses.asdict(lacking)
     horizons = [dataclasses.asdict(horizon) for horizon in recording.horizons]
     found = {"role": recording.role, "noise_floor": recording.noise_floor, **errors, "horizons": horizons}
+    if recording.sensor_noise is not None:
+        found["sensor_noise"] = recording.sensor_noise
     if recording.closed_loop is not None:
         # What it has not is absent: null is a number that is not finite.
         closed = dataclasses.asdict(recording.closed_loop)

@@ -2,7 +2,7 @@
 
 import pytest
 from helpers_plants import effect
-from helpers_velocity import DRIVE, INERTIA, OFFSET, recordings_of_speed
+from helpers_velocity import DRIVE, INERTIA, NOISE, OFFSET, RATE, recordings_of_speed
 
 import frictionjax as fj
 
@@ -27,6 +27,10 @@ def test_what_is_missing_is_named(kind):
         for name, value in truth.items():
             estimate = one.parameters[name]
             assert abs(estimate.value - value) < 4.0 * estimate.stderr and estimate.stderr < 0.02 * value
+    for one in found.recordings:
+        # The drift of the integral in 0.1 s, and what the noise of the sensor leaves of the velocity.
+        assert 1.0 < one.prediction_rmse_extended / one.noise_floor < 5.0
+        assert one.one_sample_floor == pytest.approx(NOISE / RATE / 2.0**0.5, rel=0.05)
     for name, value in (("J", INERTIA), ("offset", OFFSET)):
         estimate = found.extended[name]
         assert abs(estimate.value - value) < 4.0 * estimate.stderr and estimate.stderr < 0.02 * value

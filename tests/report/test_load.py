@@ -66,7 +66,9 @@ def _full():
 def _as_given(recording):
     """Of two kinds: a model of the case, and a column of the recording, which predicts nothing."""
     if recording.role == "fit":
-        return dataclasses.replace(recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125)
+        return dataclasses.replace(
+            recording, free_run_rmse_given=0.25, prediction_rmse_given=0.125, sensor_noise=1e-7
+        )
     return dataclasses.replace(
         recording,
         free_run_rmse_given=0.25,
@@ -95,6 +97,7 @@ def test_what_was_saved_comes_back(make, tmp_path):
         assert (one.force is None) == (other.force is None)
         assert (one.free_given is None) == (other.free_given is None)
         assert (one.prediction_rmse_given is None) == (other.prediction_rmse_given is None)
+        assert one.sensor_noise == other.sensor_noise and one.one_sample_floor == other.one_sample_floor
         assert (one.closed_loop is None) == (other.closed_loop is None)
         if one.closed_loop is not None:
             assert one.closed_loop.law is None and one.closed_loop.input_given == 0.75

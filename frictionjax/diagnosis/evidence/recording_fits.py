@@ -66,6 +66,8 @@ def recording_fits(
             measured, horizon = recording.x, ahead_samples(dt)
             std = residual_force_std(noise, float(base_drive.J), dt, force_bandwidth(dt))
             applied = float(base_drive.motor_constant) * recording.u
+        # In a horizon the noise of an integrated velocity makes so many steps, each of twice its power.
+        drift = np.sqrt(2.0 * horizon) if recording.integrated else 1.0
         # Nothing is predicted before the first horizon has passed.
         scored = slice(horizon, n)
         own = None if given is None or not given.there[row] else given.free[row, :n]
@@ -87,7 +89,8 @@ def recording_fits(
                 horizons=horizons_of(recording, row, base, extended),
                 unmeasured_base=lacking_force(base.force[row, :n], std, applied, base_drive),
                 unmeasured_extended=lacking_force(extended.force[row, :n], std, applied, base_drive),
-                noise_floor=noise,
+                noise_floor=float(drift * noise),
+                sensor_noise=noise if recording.integrated else None,
                 free_run_rmse_base=rms_error(base.free[row, :n], measured),
                 free_run_rmse_extended=rms_error(extended.free[row, :n], measured),
                 prediction_rmse_base=rms_error(base.ahead[row, scored], measured[scored]),

@@ -64,8 +64,8 @@ def bars_of(one: OneStep, fit: RecordingFit, diagnosis: Diagnosis, extended: boo
         both = (("base", "base model", base), ("extended", "extended model", last))
         return both[: 2 if extended else 1]
 
-    free = ("free", _FREE.format("extended" if extended else "base"), one.free * fit.noise_floor)
-    steps = models(one.base * fit.noise_floor, one.model * fit.noise_floor)
+    free = ("free", _FREE.format("extended" if extended else "base"), one.free * fit.one_sample_floor)
+    steps = models(one.base * fit.one_sample_floor, one.model * fit.one_sample_floor)
     groups = [
         BarGroup("one step ahead, robust rms", (*steps, free)),
         BarGroup("0.1 s ahead, rms", models(fit.prediction_rmse_base, fit.prediction_rmse_extended)),
@@ -74,7 +74,7 @@ def bars_of(one: OneStep, fit: RecordingFit, diagnosis: Diagnosis, extended: boo
     if longest is not None:
         title = f"{number(longest.seconds, 2)} s ahead, rms (the longest that is better than standstill)"
         groups.append(BarGroup(title, models(longest.base, longest.extended)))
-    return Bars("error", unit, tuple(groups), fit.noise_floor)
+    return Bars("error", unit, tuple(groups), fit.one_sample_floor)
 
 
 def _longest(fit: RecordingFit, extended: bool) -> Horizon | None:
