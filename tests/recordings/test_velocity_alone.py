@@ -9,6 +9,7 @@ import pytest
 
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.diagnosis.intake.own_model import own_model
+from frictionjax.diagnosis.intake.starting_point import starting_point
 from frictionjax.estimation.data.batch import noise_level
 from frictionjax.physics import VelocityOffset
 from frictionjax.recordings import Case, Plant, audit, case_from_files, load_case, recording_from_frame
@@ -117,6 +118,9 @@ def test_the_offset_of_its_sensor_is_a_part_of_the_base_model():
     second = dataclasses.replace(first, name="second", role="holdout")
     case = Case("one", Plant(), (first, second))
     assert own_model(case).effects == (VelocityOffset(),)
+    notes = starting_point(case).notes
+    assert any("Positions are integrated velocities" in note for note in notes)
+    assert not any("As the case says" in note for note in notes)
     mixed = Case("mixed", Plant(), (first, dataclasses.replace(second, integrated=False)))
     with pytest.raises(
         InputError, match="recording gives a velocity alone, and other recordings have a position"

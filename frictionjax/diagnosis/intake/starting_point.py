@@ -22,6 +22,10 @@ from frictionjax.estimation.start.imposed import starting_values_imposed
 from frictionjax.physics import VelocityOffset
 from frictionjax.recordings import Case, Recording
 
+_INTEGRATED = (
+    "Positions are integrated velocities: the base model contains the offset of their sensor, and a force of the "
+    "position shows only within each recording."
+)
 _NO_INERTIA = "The motion is imposed, so no inertia acts and none is identified."
 
 
@@ -82,6 +86,7 @@ def _said(own: OwnModel) -> tuple[str, ...]:
     names = ", ".join(effect.name for effect in own.effects if not isinstance(effect, VelocityOffset))
     fixed = sorted(path.split(".")[-1] for path in own.fixed if path != "J")
     said = (f"As the case says, the base model contains {names}.",) if names else ()
+    said = (*said, _INTEGRATED) if any(isinstance(effect, VelocityOffset) for effect in own.effects) else said
     return (*said, f"Fixed by the case: {', '.join(fixed)}.") if fixed else said
 
 
