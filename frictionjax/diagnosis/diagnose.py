@@ -172,7 +172,7 @@ def _diagnose(
         selection = select(
             base,
             executor,
-            lambda stage, fraction: progress(stage, 0.22 + 0.57 * fraction),
+            lambda stage, fraction: progress(stage, 0.22 + 0.66 * fraction),
             without=left_out,
             barred=frozenset(untestable),
             stick_inertia=starting.start.stick_inertia,
@@ -182,7 +182,7 @@ def _diagnose(
             rule=rule,
             effort=effort,
         )
-        progress("forces of the position", 0.79)
+        progress("forces of the position", 0.88)
         selection = without_other_shapes(selection, executor, rule=rule, effort=effort)
     clock.stage("naming")
     steps = selection.steps if selection is not None else []
@@ -208,7 +208,7 @@ def _diagnose(
         notes.append(_UNDETERMINED)
     ceiling, afterwards = None, dict[str, ModelComparison | None]()
     if decision.verdict != "named" or decision.remains:
-        progress("what any force would explain", 0.8)
+        progress("what any force would explain", 0.88)
         own = scene_of(last, starting.names)
         ceiling, free = ceiling_of(last, own, _since(starting), base=base, rule=rule)
         afterwards[CEILING] = free
@@ -216,12 +216,12 @@ def _diagnose(
     clock.stage("ceiling")
     residual = None
     if decision.verdict == "unknown":
-        progress("mapping the residual force", 0.82)
+        progress("mapping the residual force", 0.89)
         residual = residual_model(last, steps[-1].floor, executor, base=base, rule=rule, effort=effort)
         tables = (*tables, *map_tables(residual))
         clock.stage("unknown")
     final = residual.model if residual is not None and residual.helps else last
-    progress("predicting every recording", 0.86)
+    progress("predicting every recording", 0.93)
     scene = scene_of(final, starting.names)
 
     def parameters(model: Model) -> Future:
@@ -255,7 +255,7 @@ def _diagnose(
             if decision.verdict == "named":
                 of_named = parameters(last)
                 notes.append(other_shape_note(names, alone, decision.share))
-    progress("mapping the mismatch", 0.95)
+    progress("mapping the mismatch", 0.97)
     grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     located = grid.located(base_view, extended_view, rule=rule)
     bins = located.bins

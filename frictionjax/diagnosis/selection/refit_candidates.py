@@ -31,6 +31,10 @@ from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
+_LATER = (
+    0.3  # part of the search that is shown as left after each round: most end with the first or the second
+)
+
 
 @dataclasses.dataclass(frozen=True)
 class CandidateRefitter:
@@ -62,17 +66,18 @@ class CandidateRefitter:
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
         converged; with the model without them, which is a better one where a refit led to it."""
-        budget, start, span = self.effort.screening, number / self.effort.rounds, 1.0 / self.effort.rounds
+        budget, start = self.effort.screening, 1.0 - _LATER**number
+        span = (1.0 - _LATER) * _LATER**number
         if self.carried and number == 0:
             return self._of_the_balance(model)
-        testing = self._counting(f"testing every effect, round {number + 1}", start, start + 0.4 * span)
+        testing = self._counting(f"testing every effect, round {number + 1}", start, start + 0.5 * span)
         tried = try_catalogue(
             model, self._scales(model), testing, self.without, self.pair, effort=self.effort
         )
         most = budget.first_forms if number == 0 else budget.later_forms
         chosen = self._worth_refitting(model, tried, most)
         stage = f"refitting {len(chosen)} candidates, round {number + 1}"
-        refitting = self._counting(stage, start + 0.4 * span, start + 0.8 * span)
+        refitting = self._counting(stage, start + 0.5 * span, start + 0.95 * span)
         open_to = [trial for trial in tried[0] if trial.effect not in self.barred]
         hints = Hints(
             self.pair,
@@ -104,7 +109,7 @@ class CandidateRefitter:
         return plant_scales(model.judgement.drive, model.posterior.batch, turn=self.turn)
 
     def _counting(self, stage: str, start: float, stop: float) -> Counting:
-        """The executor that says how much of a `stage` is done, from the part `start` of all rounds to `stop`."""
+        """The executor that says how much of a `stage` is done, from the part `start` of the search to `stop`."""
         self.progress(stage, start)
         return Counting(self.executor, self.progress, stage, start, stop)
 
