@@ -106,7 +106,8 @@ def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model |
     """The `base` model converged and judged with observers of the pace and the gains that the `model` asks for
     (`observed_as_asked`); None where it has that pace, and the `model` misses as much with such gains, by the `rule`.
 
-    A filter for wrong parameters may be unstable where the machine is not: then it condemns the right model.
+    A filter for wrong parameters may be unstable where the machine is not: then it condemns the right model. Or it
+    corrects more than the machine asks for, and hides what the model misses.
     """
     held_out, vector = model.judgement.held_out, model.fitted.vector
     asked, _ = observed_as_asked(model.posterior, vector, held_out, rule=rule)
@@ -115,8 +116,8 @@ def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model |
     if np.array_equal(recordings.pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
         again = judge(asked, descend(asked, vector, graduate=False, steps=0))
         unit = np.ones((1, 1))
-        fewer = np.array(model.judgement.misfits(unit)) - again.misfits(unit)
-        if np.max(fewer) <= rule.limits.adequate:
+        other = np.array(model.judgement.misfits(unit)) - again.misfits(unit)
+        if np.max(np.abs(other)) <= rule.limits.adequate:
             return None
     paced = at_pace(base.posterior, recordings.pace, recordings.schedule)
     fitted = descend(paced, base.fitted.vector, graduate=False)

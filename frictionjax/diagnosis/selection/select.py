@@ -69,8 +69,9 @@ def select(
     - `effort`: how much is tested and refitted.
 
     Under a coarse sensor the gains of the observers are those that the base model asks for. What is found may show that
-    they are wrong for the machine: where something is left, the selection is made once more with those of the model
-    that it found, and its refits start from there, too; the tables of the first one follow those of the second.
+    they are wrong for the machine, and such gains may as well hide what is left. Where something was found or is left,
+    the selection is made once more with those of the model that it found, if that model misses more or less with them,
+    and its refits start from there, too; the tables of the first one follow those of the second.
     """
 
     def selected(base: Model, before: tuple[Refitted, ...] = ()) -> Selection:
@@ -93,10 +94,10 @@ def _of_first_gains(tables: tuple[ComparisonTable, ...]) -> Iterator[ComparisonT
 
 def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
     """The `base` model observed as what was `found` asks for, or, where nothing was accepted, as the candidate does
-    that explains most; None where nothing is left, or nothing changes."""
+    that explains most; None where nothing was accepted and nothing is left, or where nothing changes."""
     accepted = [step.accepted for step in found.steps if step.accepted is not None]
-    best = accepted[-1:] or found.steps[0].refits[:1]
-    if not best or not found.decision.remains or not is_coarse(base.posterior):
+    best = accepted[-1:] or (found.steps[0].refits[:1] if found.decision.remains else [])
+    if not best or not is_coarse(base.posterior):
         return None
     return at_the_pace_of(best[0].model, base, rule=rule)
 

@@ -93,10 +93,10 @@ def test_the_gains_follow_the_machine(batch):
     assert np.median(gains[inside][falls]) > 2.0 * np.median(gains[inside][rests])
 
 
-def _with_gains_of(machine, batch, pace):
-    """The true machine as a fitted model whose observers have the gains that this `machine` asks for."""
+def _with_gains_of(machine, batch, pace, model=STEEP):
+    """The `model`, or the true machine, as a fitted one whose observers have the gains that this `machine` asks for."""
     other, there = robust_posterior(machine, batch, FITTED, pace=pace)
-    posterior, vector = robust_posterior(STEEP, batch, FITTED, pace=pace)
+    posterior, vector = robust_posterior(model, batch, FITTED, pace=pace)
     own = at_pace(posterior, pace, schedule_of(other, there, pace))
     fitted = descend(own, vector, graduate=False, steps=0)
     return Model(own, fitted, judge(own, fitted))
@@ -130,6 +130,17 @@ def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):
         left = condemned.judgement.misfits(unit)[0]
         assert left > 2.0 * Rule().limits.adequate
         assert again.judgement.misfits(unit)[0] < 0.1 * left
+
+
+def test_gains_that_hide_what_a_model_misses_make_way_as_well(batch):
+    """A filter for a third of the inertia corrects more, and follows a machine whose friction falls too little."""
+    unit, wrong = np.ones((1, 1)), _with_friction(Fs=1.26 * PLANT.friction.Fc, vs=0.05)
+    light = dataclasses.replace(wrong, J=wrong.J / 3.0)
+    hidden = _with_gains_of(light, batch, pace_of(light, batch, FITTED), wrong)
+    shown = _with_gains_of(STEEP, batch, pace_of(STEEP, batch, FITTED), wrong)
+    assert np.array_equal(hidden.posterior.recordings.pace, shown.posterior.recordings.pace)
+    assert hidden.judgement.misfits(unit)[0] < 0.5 * shown.judgement.misfits(unit)[0]
+    assert at_the_pace_of(hidden, hidden) is not None
 
 
 def _asked(drive, batch, monkeypatch, ends_at=None):
