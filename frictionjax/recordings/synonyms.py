@@ -41,7 +41,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "v": (
         *("velocity", "vel", "speed", "omega", "angular velocity", "angular speed", "motor speed"),
         *("motor velocity", "actual speed", "actual velocity", "speed actual", "velocity actual"),
-        *("joint velocity", "qd", "dq", "rpm", "drehzahl", "geschwindigkeit", "istdrehzahl"),
+        *("joint velocity", "qd", "dq", "drehzahl", "geschwindigkeit", "istdrehzahl"),
     ),
     "force": ("friction", "friction force", "friction torque", "f", "measured force", "kraft", "load cell"),
     "simulated": (

@@ -86,6 +86,7 @@ def test_a_case_file_names_it(tmp_path):
         ({"t": T, "u": U, "speed": V, "omega": V}, "no column `v`, and 2 columns could be it"),
         ({"t": T, "u": U, "v": V, "shaft angle": X}, "no column `x`"),
         ({"t": T, "u": U, "v": V, "gauge [mm]": X}, "no column `x`"),
+        ({"t": T, "u": U, "rpm": V}, "no column `x`"),  # a unit alone is no name: it would not be converted
         ({"t": T, "u": U, "v": np.ones(N)}, "v is constant .* not the velocity"),
     ],
 )
