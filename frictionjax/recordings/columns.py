@@ -93,7 +93,8 @@ def find_columns(entry: Entry, table: AbstractColumnTable) -> Columns:
             if len(speeds) > 1 and "v" not in names:
                 raise _ambiguous("v", speeds, entry, table)
             if "v" not in names:
-                names["v"] = guessed["v"] = speeds[0]
+                names["v"] = speeds[0]
+                guessed |= {"v": speeds[0]} if split_unit(speeds[0])[0] != "v" else {}
         elif role in needed:
             raise _no_column(role, role, entry, table)
     _require_different(names, entry, table)

@@ -58,6 +58,8 @@ def test_its_unit_is_that_of_the_position_a_second(tmp_path, name, factor, unit)
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=f"t,u,{name}", comments="", fmt="%.12g")
     with pytest.warns(FrictionjaxWarning):
         case = case_from_files(tmp_path / "run.csv")
+    said = " ".join(case.recordings[0].warnings)
+    assert ("was read as v" in said) == (not name.startswith("v"))
     assert case.plant.position_unit == unit
     np.testing.assert_allclose(case.recordings[0].x, X[: case.recordings[0].x.size], atol=3e-9)
     assert all(recording.integrated for recording in case.recordings)
