@@ -189,7 +189,7 @@ def audit(recording: Recording, plant: Plant, *, gross_travel: float | None = No
         del channels["u"]
     not_finite = {name: int(np.count_nonzero(~np.isfinite(values))) for name, values in channels.items()}
     channels = {name: _bridged(values) for name, values in channels.items()}
-    x, name = channels["x"], "v" if recording.integrated and "v" in channels else "x"
+    x, name = channels["x"], "v" if recording.integrated else "x"
     measured, declared = channels[name], None if recording.integrated else plant.encoder_step
     noise, step = noise_std(measured), quantum(measured)
     resolution = max(noise if math.isfinite(noise) else 0.0, 0.3 * (step or 0.0))

@@ -27,7 +27,6 @@ _NEGLIGIBLE, _TINY = 1e-200, 1e-100  # of a covariance, and of a variance that i
 # filter diverges.
 _CREEP_VARIANCE = 30.0
 _MEMORY = 10.0  # samples over which innovations are compared with their variance
-_SLIGHT = 1e-3  # power of white noise beside a random walk: more than rounding leaves of the covariance
 _LOST = 9.0  # mean square over that variance, from which the filter has lost the machine: three standard deviations
 
 
@@ -105,7 +104,7 @@ def kalman_filter(
     first = _flat(state_at(drive, start))
     size, bristles = first.shape[0], drive.bristle_count
     directions = jnp.eye(size + 1)
-    white, walk = jnp.where(integrated, _SLIGHT, 1.0) * noise**2, jnp.where(integrated, 2.0, 0.0) * noise**2
+    white, walk = jnp.where(integrated, 0.0, 1.0) * noise**2, jnp.where(integrated, 2.0, 0.0) * noise**2
     covariance = jnp.zeros((size, size)).at[0, 0].set(start_std[0] ** 2).at[1, 1].set(start_std[1] ** 2)
 
     def corrected(covariance, row):

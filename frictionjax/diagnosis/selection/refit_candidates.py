@@ -31,9 +31,8 @@ from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics.effects import AbstractEffect, catalogue
 
-_LATER = (
-    0.3  # part of the search that is shown as left after each round: most end with the first or the second
-)
+_LATER = 0.3
+"""Part of the search that is shown as left after each round: most searches end with the first or the second."""
 
 
 @dataclasses.dataclass(frozen=True)

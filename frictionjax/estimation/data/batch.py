@@ -243,7 +243,8 @@ def noise_level(recording: Recording, encoder_step: float | None = None) -> floa
     alone leaves, step / sqrt(12). Of an integrated velocity with white noise s it is s dt / sqrt(2): the noise of the
     integral is a random walk, whose steps have twice that power (`simulation.sensor_noise`)."""
     measured, factor = recording.x, 1.0
-    if recording.integrated and recording.v is not None:
+    if recording.integrated:
+        assert recording.v is not None  # x is its integral
         measured, factor, encoder_step = recording.v, math.sqrt(0.5) / recording.sample_rate, None
     if encoder_step is None:
         jumps = np.abs(np.diff(measured))
