@@ -62,7 +62,7 @@ class RefittingEffort:
     - `lagging`: part of the best one's gain by then; `least_kept`: candidates that go on in any case.
     - `far`: misfit of a model that may sit in a wrong minimum.
     - `settled`: part left after the first steps below which no other start is tried.
-    - `left`: part that all candidates leave, above which they get a second start.
+    - `left`: part that all candidates leave, above which they get other starts.
     - `near`: part of the best gain of a first descent that brings a candidate on to the last one.
     - `hopeless`: part that must be gained, beside other effects, for more than one candidate to go on.
     - `slow_steps`, `slow_tolerance`: of the last descent, with the slow observer.

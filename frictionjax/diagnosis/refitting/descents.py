@@ -60,6 +60,11 @@ class RefitStart:
         """The lowest misfit of the `candidates` and of the best one before them."""
         return min(self.best, *(one.fitted.misfit for one in candidates))
 
+    def stuck(self, candidates: Sequence["CandidateDescent"]) -> bool:
+        """Whether the `candidates` and the best one before them leave much of a misfit that is far from the noise."""
+        budget = self.effort.refitting
+        return self.lowest(candidates) > budget.left * self.misfit and self.misfit > budget.far
+
     def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
         """Objective and vector of the model with the silent effect of the `trial`."""
         return extend(self.fast, self.model.fitted.vector, trial.form, self.scales)
@@ -122,6 +127,20 @@ def at_the_resonance(start: RefitStart, candidate: CandidateDescent) -> Candidat
             name = posterior.layout[place].parameter.name
             vector = changed(vector, place, shown[name]) if name in shown else vector
     other = _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
+    return dataclasses.replace(
+        candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
+    )
+
+
+def with_a_peak(start: RefitStart, candidate: CandidateDescent) -> CandidateDescent:
+    """The `candidate`, or a better end of it with the Stribeck peak that the base fit started with, and all else as it
+    is. A fit that misses something may lose the peak: where Fs is near Fc, no small step of Fs or vs says where it
+    is."""
+    posterior, vector = candidate.posterior, candidate.fitted.vector
+    for place, free in enumerate(posterior.layout):
+        if free.path in ("friction.Fs", "friction.vs"):
+            vector = changed(vector, place, np.asarray(posterior.start)[place])
+    other = _lowest(start, posterior, [vector])
     return dataclasses.replace(
         candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
     )

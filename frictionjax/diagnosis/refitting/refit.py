@@ -23,6 +23,7 @@ from frictionjax.diagnosis.refitting.descents import (
     from_before,
     from_the_balance,
     further,
+    with_a_peak,
     with_slow_observer,
 )
 from frictionjax.diagnosis.refitting.refitted import Refitted
@@ -169,19 +170,18 @@ def _from_other_starts(
     hints: Hints,
     executor: Executor,
 ) -> list[CandidateDescent]:
-    """The `candidates`, fitted again from where the base fit started where all leave most of its misfit; and, where
-    that does not help either, a load behind a gap."""
-    budget = start.effort.refitting
-    most = budget.left * start.misfit
+    """The `candidates`, where all leave most of the misfit fitted again with a Stribeck peak, and from where the base
+    fit started; and, where that does not help either, a load behind a gap."""
+    if start.stuck(candidates):
+        candidates = _foremost(candidates, start, start.effort.refitting.near)
+        candidates = list(executor.map(lambda one: with_a_peak(start, one), candidates))
     # A model that has effects already has left the minimum that the base model came to rest in.
-    stuck = start.lowest(candidates) > most and start.misfit > budget.far
-    if stuck and not start.has_found:
-        candidates = _foremost(candidates, start, budget.near)
+    if start.stuck(candidates) and not start.has_found:
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
         absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
         balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced())
         candidates = candidates + list(absorbed) + list(balanced)
-    if stuck and start.lowest(candidates) > most:
+    if start.stuck(candidates):
         gaps = backlash_candidates(trials)
         if start.ratio is not None:
             gaps += [t for t in hints.gaps if t.effect not in {other.effect for other in gaps}]
