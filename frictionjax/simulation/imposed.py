@@ -151,36 +151,36 @@ def _deflected(
 
 def _steps(
     drive: Drive,
-    x: Float[Array, " n"],
-    start: Float[Array, " n-1"],
-    end: Float[Array, " n-1"],
+    x: tuple[Float[Array, ""], Float[Array, ""]],
+    v: tuple[Float[Array, ""], Float[Array, ""]],
     dt: Float[Array, ""],
     substeps: int,
 ) -> _Step:
-    """The steps, two to a substep, each part of shape (steps,); `start` and `end`: velocities of every sample.
+    """The steps of a sample, two to a substep, each part of shape (steps,); `x`, `v`: positions and velocities at its
+    beginning and at its end.
 
     A substep is divided where the velocity changes sign, else in its middle, so that no reversal is lost.
     """
     share = jnp.arange(substeps + 1) / substeps
 
     def both_ends(first, last):
-        nodes = first[:, None] + (last - first)[:, None] * share[None, :]
-        return nodes[:, :-1], nodes[:, 1:]
+        nodes = first + (last - first) * share
+        return nodes[:-1], nodes[1:]
 
     def pieces(first, middle, last):
         return jnp.reshape(jnp.stack([first, middle, middle, last], axis=-1), (-1, 2))
 
-    (v0, v1), (x0, x1) = both_ends(start, end), both_ends(x[:-1], x[1:])
+    (x0, x1), (v0, v1) = both_ends(*x), both_ends(*v)
     turns = v0 * v1 < 0.0
     part = jnp.where(turns, v0 / jnp.where(turns, v0 - v1, 1.0), 0.5)
     h = dt / substeps * jnp.ravel(jnp.stack([part, 1.0 - part], axis=-1))
-    v = pieces(v0, jnp.where(turns, 0.0, 0.5 * (v0 + v1)), v1)
+    velocity = pieces(v0, jnp.where(turns, 0.0, 0.5 * (v0 + v1)), v1)
     # At rest, the level is that of the direction of the step.
-    towards = sign(jnp.sum(v, axis=-1, keepdims=True))
-    directed_v = towards * jnp.maximum(towards * v, _REST)
-    x = pieces(x0, x0 + (x1 - x0) * part, x1)
-    level = jax.vmap(jax.vmap(drive.level))(x, directed_v)
-    return _Step(h, x, v, directed_v, level, _yield_deflection(drive, level))
+    towards = sign(jnp.sum(velocity, axis=-1, keepdims=True))
+    directed_v = towards * jnp.maximum(towards * velocity, _REST)
+    position = pieces(x0, x0 + (x1 - x0) * part, x1)
+    level = jax.vmap(jax.vmap(drive.level))(position, directed_v)
+    return _Step(h, position, velocity, directed_v, level, _yield_deflection(drive, level))
 
 
 def run_imposed(
@@ -225,7 +225,7 @@ def run_imposed(
         z, hidden = state
         h, (v0, v1) = step.h, step.v
         if not drive.state_count:
-            return (_deflected(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), state
+            return (_deflected(drive, bristles, z, 0.5 * h * (v0 + v1), step), hidden), None
         fast0, more0, flow = motion(step, 0, z, hidden)
         ahead = relaxed(hidden, *flow, h)
         step = levelled(step, [(z, hidden), (z, ahead)])
@@ -235,21 +235,26 @@ def run_imposed(
         later = relaxed(hidden, source, rate, h)
         step = levelled(step, [(z, hidden), (guess, later)])
         bent = _deflected(drive, bristles, z, 0.5 * h * (fast0 + fast1), step, 0.5 * h * (more0 + more1))
-        return (bent, later), state
+        return (bent, later), None
+
+    def friction_on_both_sides(x, sides, z, hidden):
+        forces = [drive.friction_force(bristles, x, side, z, dt, hidden)[0] for side in sides]
+        return sum(forces[1:], forces[0]) / len(forces)
+
+    def sample(state, now):
+        """What is measured at a sample, and the state at the next. The friction level is computed here, step by step:
+        of the whole motion at once it would be stored with all of its derivatives, which takes longer."""
+        (x0, x1), sides, (v0, v1) = now
+        found = (state[0], friction_on_both_sides(x0, sides, *state))
+        steps = _steps(drive, (x0, x1), (v0, v1), dt, substeps)
+        return jax.lax.scan(advance, state, steps)[0], found
 
     hidden0 = drive.initial_states(Before() if earlier is None else earlier)[: drive.state_count]
     first = (z0 * jnp.ones(drive.bristle_count), hidden0)
-    steps = _steps(drive, further, after[:-1], before[1:], dt, substeps)
-    run = scan_samples(advance, first, steps, None if samples is None else 2 * substeps * samples)
-    run = jax.tree.map(lambda part: part[:: 2 * substeps], run)
-    before, after = before[:-1], after[:-1]
-
-    def force(x, v, z, hidden):
-        return drive.friction_force(bristles, x, v, z, dt, hidden)[0]
-
-    sides = before[None] if v is not None else jnp.stack([before, after])
-    friction = jax.vmap(jax.vmap(force), in_axes=(None, 0, None, None))(x, sides, *run)
-    return jnp.mean(sides, axis=0), run[0], jnp.mean(friction, axis=0)
+    sides = (before[:-1],) if v is not None else (before[:-1], after[:-1])
+    along = ((further[:-1], further[1:]), sides, (after[:-1], before[1:]))
+    z, friction = scan_samples(sample, first, along, samples)
+    return sum(sides[1:], sides[0]) / len(sides), z, friction
 
 
 def imposed_friction(
