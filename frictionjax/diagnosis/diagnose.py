@@ -18,7 +18,12 @@ from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
 from frictionjax.diagnosis.effort import Effort
-from frictionjax.diagnosis.evidence.input_needed import NOT_DRIVEN, input_is_needed, with_and_without_input
+from frictionjax.diagnosis.evidence.input_needed import (
+    NOT_DRIVEN,
+    NOT_USED,
+    input_is_needed,
+    with_and_without_input,
+)
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
@@ -56,6 +61,7 @@ from frictionjax.diagnosis.intake.coverage import idle_effects, not_testable
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, check, starting_point
 from frictionjax.diagnosis.mismatch_map.locate import grid_along
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.screening.resonance import is_coherent
 from frictionjax.diagnosis.selection.conclusion import (
     CEILING,
     SHAPE,
@@ -238,7 +244,8 @@ def _diagnose(
         warnings = _warnings(case, values, message_of(base), tuple(notes))
         clock.stage("judging")
         seconds, own = clock.report(compiling), ((*tables, *selection.tables), tuple(decided))
-        return not_diagnosed(case, base, scene, base_view, values, warnings, NOT_DRIVEN, seconds, *own)
+        said = NOT_USED if is_coherent(base.posterior.batch) else NOT_DRIVEN  # type: ignore[arg-type]
+        return not_diagnosed(case, base, scene, base_view, values, warnings, said, seconds, *own)
     if residual is not None and residual.helps:
         last_view = base_view if last is base else view(last.judgement, scene, far=True)
         decided.append(with_and_without_map(last_view, extended_view, scene))

@@ -1,4 +1,5 @@
-"""Whether a model needs the recorded input: where it predicts as well without, u does not drive x."""
+"""Whether a model needs the recorded input: where it predicts as well without, u does not drive x, or the model is none
+of the machine."""
 
 import math
 
@@ -15,6 +16,11 @@ from frictionjax.diagnosis.table import OtherDecision
 NOT_DRIVEN = (
     "u does not drive x: the model predicts the held-out recordings as well without any input. Check that u is the "
     "input that was applied, on the clock of x."
+)
+
+NOT_USED = (
+    "No model here predicts the held-out recordings better with u than without any input, although u and x are "
+    "coherent. Check that both are on one clock; if they are, what lies between them is not in the catalogue."
 )
 
 INPUT = "input is needed"

@@ -32,22 +32,45 @@ class Pair(NamedTuple):
 def resonance_pair(batch: Batch, rows: Int[np.ndarray, " k"]) -> Pair | None:
     """The pair in that of the recordings `rows` of the `batch` with the highest coherence; None where none has one."""
     best: tuple[float, Pair] | None = None
-    inputs, positions = np.asarray(batch.u), np.asarray(batch.x)
     for row in rows:
-        n, rate = int(batch.lengths[row]), 1.0 / float(batch.dt[row])
-        segment = min(round(_SEGMENT * rate), n)
-        u, x = inputs[row, :n], positions[row, :n]
-        f, power = scipy.signal.welch(u, rate, nperseg=segment)
-        _, cross = scipy.signal.csd(u, x, rate, nperseg=segment)
-        _, output = scipy.signal.welch(x, rate, nperseg=segment)
-        excited = (power > _EXCITED * power.max()) & (f > _LOWEST) & (f < 0.2 * rate)
-        if np.count_nonzero(excited) < 5 or not np.all(output[excited] > 0.0):
+        lines = _excited_lines(batch, int(row))
+        if lines is None or not lines.coherence > _COHERENT:
             continue
-        coherence = float(np.median(np.abs(cross[excited]) ** 2 / (power[excited] * output[excited])))
-        found = _pair(f[excited], -((2.0 * np.pi * f[excited]) ** 2) * cross[excited] / power[excited])
-        if coherence > _COHERENT and found is not None and (best is None or coherence > best[0]):
-            best = coherence, found
+        found = _pair(lines.frequency, lines.response)
+        if found is not None and (best is None or lines.coherence > best[0]):
+            best = lines.coherence, found
     return best[1] if best is not None else None
+
+
+def is_coherent(batch: Batch) -> bool:
+    """Whether input and position of a recording of the `batch` are coherent where the input excites."""
+    found = (_excited_lines(batch, row) for row in range(len(batch.lengths)))
+    return any(lines is not None and lines.coherence > _COHERENT for lines in found)
+
+
+class _Lines(NamedTuple):
+    """The lines that an input excites: `frequency`, Hz; `response`, acceleration over input; and their median
+    `coherence`."""
+
+    frequency: Float[np.ndarray, " f"]
+    response: Complex[np.ndarray, " f"]
+    coherence: float
+
+
+def _excited_lines(batch: Batch, row: int) -> _Lines | None:
+    """Those of a recording; None where there are too few."""
+    n, rate = int(batch.lengths[row]), 1.0 / float(batch.dt[row])
+    segment = min(round(_SEGMENT * rate), n)
+    u, x = np.asarray(batch.u)[row, :n], np.asarray(batch.x)[row, :n]
+    f, power = scipy.signal.welch(u, rate, nperseg=segment)
+    _, cross = scipy.signal.csd(u, x, rate, nperseg=segment)
+    _, output = scipy.signal.welch(x, rate, nperseg=segment)
+    excited = (power > _EXCITED * power.max()) & (f > _LOWEST) & (f < 0.2 * rate)
+    if np.count_nonzero(excited) < 5 or not np.all(output[excited] > 0.0):
+        return None
+    f, power, cross, output = (values[excited] for values in (f, power, cross, output))
+    coherence = float(np.median(np.abs(cross) ** 2 / (power * output)))
+    return _Lines(f, -((2.0 * np.pi * f) ** 2) * cross / power, coherence)
 
 
 def _pair(frequency: Float[np.ndarray, " f"], response: Complex[np.ndarray, " f"]) -> Pair | None:

@@ -1,12 +1,14 @@
 """A second inertia shows in the data before any model."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, RATE, closed_loop, moves, open_loop
 from helpers_plants import effect
 
 from frictionjax.diagnosis.screening.linearised import present_model
-from frictionjax.diagnosis.screening.resonance import resonance_pair
+from frictionjax.diagnosis.screening.resonance import is_coherent, resonance_pair
 from frictionjax.diagnosis.screening.score_test import forms_to_try, try_form
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent.robust import descend
@@ -32,6 +34,13 @@ def test_the_pair_of_two_inertias_is_found():
     assert pair is not None
     assert pair.frequency == pytest.approx(50.0, abs=1.25)
     assert pair.ratio == pytest.approx(0.5, abs=0.05)
+
+
+def test_an_input_is_coherent_with_the_motion_that_it_makes_alone():
+    recorded = _recorded(Drive(0.01, LIGHT))
+    other = np.random.default_rng(6).standard_normal(recorded.u.shape)
+    assert is_coherent(recorded)
+    assert not is_coherent(dataclasses.replace(recorded, u=other))
 
 
 def test_a_slow_sine_shows_no_pair():
