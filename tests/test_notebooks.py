@@ -1,4 +1,4 @@
-"""The notebooks: executed in their small setting, and committed without outputs or with those of a whole run."""
+"""The notebooks: executed in their small setting, and committed with the outputs of a whole run."""
 
 import dataclasses
 import json
@@ -43,21 +43,13 @@ MACHINES = {
 
 IN_A_KERNEL = [path for path in NOTEBOOKS if path.stem not in {*HERE, *MACHINES}]
 
-WITHOUT_OUTPUTS = ("03a_motor_bench", "03b_tribometer", "03c_pendulum")
-"""Notebooks that are kept as they are written, as they take long; the others have the outputs of a whole run, by
-`python notebooks/keep_outputs.py`."""
-
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_has_no_outputs_or_those_of_a_whole_run(path):
+def test_a_notebook_has_the_outputs_of_a_whole_run(path):
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     assert len(code) >= 3
     outputs = [output for cell in code for output in cell["outputs"]]
-    if path.stem in WITHOUT_OUTPUTS:
-        assert outputs == []
-        assert all(cell["execution_count"] is None for cell in code)
-        return
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
     assert any("image/png" in output.get("data", {}) for output in outputs)
     assert not any(output["output_type"] == "error" or output.get("name") == "stderr" for output in outputs)
@@ -314,13 +306,27 @@ def test_a_robot_joint_is_read_recorded_and_written_back(monkeypatch, capsys):
 @pytest.mark.parametrize("stem", MACHINES)
 def test_a_real_machine_is_reported_and_drawn(stem, monkeypatch, capsys):
     """What the notebook does with a diagnosis, where its data are absent."""
-    asked = []
-    monkeypatch.setattr(
-        "frictionjax.studies.real_machines.load_machine", lambda name: asked.append(name) or "a case"
+    asked, given = [], []
+    t = np.arange(26_000) / 2500.0
+    recordings = tuple(
+        fj.Recording(role, u=np.cos(t), x=np.sin(t), sample_rate=2500.0, role=role)
+        for role in ("fit", "holdout")
     )
-    monkeypatch.setattr("frictionjax.api.diagnose", lambda case: fake_diagnosis())
+    case = fj.Case("a machine", fj.Plant(1.0), recordings)
+    monkeypatch.setattr(
+        "frictionjax.studies.real_machines.load_machine", lambda name: asked.append(name) or case
+    )
+    monkeypatch.setattr(
+        "frictionjax.api.diagnose", lambda case, **effort: given.append((case, effort)) or fake_diagnosis()
+    )
     names = _execute(stem, monkeypatch, small=False)
     assert asked == [MACHINES[stem]]
+    ((diagnosed, effort),) = given
+    options = {"effort": fj.Effort(rounds=1)} if stem != "03_real_machines" else {}
+    assert effort == options | ({"without": ("backlash",)} if stem == "03a_motor_bench" else {})
+    lengths = [one.x.size for one in diagnosed.recordings]
+    assert lengths == [one.u.size for one in diagnosed.recordings]
+    assert lengths == ([20_000, 20_000] if stem == "03a_motor_bench" else [26_000, 26_000])
     found = names["found"]
     before, after = found.held_out_rmse()
     assert f"0.1 s ahead: {before:.3g} -> {after:.3g} rad" in capsys.readouterr().out
