@@ -166,10 +166,10 @@ def keep_compiled(folder: Path | None = None) -> None:
 
 
 def programs_folder() -> Path | None:
-    """Where whole programs are kept (`core/programs.py`): beside what JAX keeps; None where it keeps nothing, or where
-    another user could have put programs."""
+    """Where whole programs are kept (`core/programs.py`): beside what JAX keeps; None where it keeps nothing (an empty
+    name is none), where that is no folder of this machine, or where another user could have put programs."""
     kept = getattr(jax.config, "jax_compilation_cache_dir", None)
-    if kept is None or not getattr(jax.config, "jax_enable_compilation_cache", True):
+    if not kept or "://" in kept or not getattr(jax.config, "jax_enable_compilation_cache", True):
         return None
     folder = Path(kept) / "frictionjax"
     try:

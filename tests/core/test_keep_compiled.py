@@ -235,3 +235,14 @@ def test_a_program_that_is_half_written_is_compiled_again(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | choices)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["1 Error reading persistent compilation cache"] * 3
+
+
+@pytest.mark.parametrize("name", ["", "gs://bucket/programs"])
+def test_whole_programs_are_kept_in_a_folder_of_this_machine_only(chosen, name, tmp_path, monkeypatch):
+    """An empty name is no folder, in particular not the one where the program was started."""
+    monkeypatch.chdir(tmp_path)
+    chosen(name)
+    assert setup.programs_folder() is None
+    assert list(tmp_path.iterdir()) == []
+    chosen(str(tmp_path / "here"))
+    assert setup.programs_folder() == tmp_path / "here" / "frictionjax"
