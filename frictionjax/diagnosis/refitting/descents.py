@@ -126,9 +126,8 @@ def at_the_resonance(start: RefitStart, candidate: CandidateDescent) -> Candidat
         for place in range(own.start, own.stop):
             name = posterior.layout[place].parameter.name
             vector = changed(vector, place, shown[name]) if name in shown else vector
-    other = _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
-    return dataclasses.replace(
-        candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
+    return _or_better(
+        candidate, _lowest(start, posterior, [vector, *_other_starts(start, posterior, vector)])
     )
 
 
@@ -140,10 +139,7 @@ def with_a_peak(start: RefitStart, candidate: CandidateDescent) -> CandidateDesc
     for place, free in enumerate(posterior.layout):
         if free.path in ("friction.Fs", "friction.vs"):
             vector = changed(vector, place, np.asarray(posterior.start)[place])
-    other = _lowest(start, posterior, [vector])
-    return dataclasses.replace(
-        candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
-    )
+    return _or_better(candidate, _lowest(start, posterior, [vector]))
 
 
 def along_the_minimum(start: RefitStart, trial: Trial) -> CandidateDescent:
@@ -247,6 +243,13 @@ def _other_starts(start: RefitStart, posterior: Posterior, vector: Vector) -> li
         value = np.log(parameter.other_start * unit) if log else parameter.other_start
         other = changed(other, place, value)
     return [] if other is vector else [other]
+
+
+def _or_better(candidate: CandidateDescent, other: RobustFit) -> CandidateDescent:
+    """The `candidate` at the lower of its own end and the `other`."""
+    return dataclasses.replace(
+        candidate, fitted=min(candidate.fitted, other, key=lambda fitted: fitted.misfit)
+    )
 
 
 def _lowest(start: RefitStart, posterior: Posterior, starts: list[Vector]) -> RobustFit:

@@ -65,8 +65,8 @@ class CandidateRefitter:
     def beside(self, model: Model, number: int) -> tuple[Model, list[Trial], list[Refitted]]:
         """Every test beside the `model`, in the round of this `number`, and refits of the best, the two closest
         converged; with the model without them, which is a better one where a refit led to it."""
-        budget, start = self.effort.screening, 1.0 - _LATER**number
-        span = (1.0 - _LATER) * _LATER**number
+        budget, (start, stop) = self.effort.screening, shown_span(number)
+        span = stop - start
         if self.carried and number == 0:
             return self._of_the_balance(model)
         testing = self._counting(f"testing every effect, round {number + 1}", start, start + 0.5 * span)
@@ -213,6 +213,11 @@ class CandidateRefitter:
             else:
                 chosen += short_list(open_to, most=most, far=far, effort=self.effort)
         return chosen
+
+
+def shown_span(number: int) -> tuple[float, float]:
+    """From which to which part of the search the round of this `number`, from 0 on, is shown; some is always left."""
+    return 1.0 - _LATER**number, 1.0 - _LATER ** (number + 1)
 
 
 def with_tests(trials: list[Trial], others: list[Trial]) -> list[Trial]:
