@@ -102,23 +102,22 @@ def _spread(posterior: Posterior) -> float:
     return float(np.sum(used * np.log(np.asarray(recordings.unit))) / max(float(np.sum(used)), 1.0))
 
 
-def at_the_pace_of(model: Model, base: Model, *, rule: Rule = Rule()) -> Model | None:
+def at_the_pace_of(model: Model, base: Model, *, remains: bool, rule: Rule = Rule()) -> Model | None:
     """The `base` model converged and judged with observers of the pace and the gains that the `model` asks for
-    (`observed_as_asked`); None where it has that pace, and the `model` misses as much with such gains, by the `rule`.
+    (`observed_as_asked`); None where the `model`, converged with them, misses no more by the `rule`, nor less if
+    something `remains` with those of the base model.
 
     A filter for wrong parameters may be unstable where the machine is not: then it condemns the right model. Or it
     corrects more than the machine asks for, and hides what the model misses.
     """
-    held_out, vector = model.judgement.held_out, model.fitted.vector
-    asked, _ = observed_as_asked(model.posterior, vector, held_out, rule=rule)
+    held_out, unit = model.judgement.held_out, np.ones((1, 1))
+    asked, _ = observed_as_asked(model.posterior, model.fitted.vector, held_out, rule=rule)
+    again = judge(asked, descend(asked, model.fitted.vector, graduate=False))
+    more = np.array(again.misfits(unit)) - model.judgement.misfits(unit)
+    if np.max(np.abs(more) if remains else more) <= rule.limits.adequate:
+        return None
     recordings = asked.recordings
     assert isinstance(recordings, Observed)
-    if np.array_equal(recordings.pace, np.asarray(base.posterior.recordings.pace)):  # type: ignore[attr-defined]
-        again = judge(asked, descend(asked, vector, graduate=False, steps=0))
-        unit = np.ones((1, 1))
-        other = np.array(model.judgement.misfits(unit)) - again.misfits(unit)
-        if np.max(np.abs(other)) <= rule.limits.adequate:
-            return None
     paced = at_pace(base.posterior, recordings.pace, recordings.schedule)
     fitted = descend(paced, base.fitted.vector, graduate=False)
     return Model(paced, fitted, judge(paced, fitted))

@@ -69,9 +69,9 @@ def select(
     - `effort`: how much is tested and refitted.
 
     Under a coarse sensor the gains of the observers are those that the base model asks for. What is found may show that
-    they are wrong for the machine, and such gains may as well hide what is left. Where something was found or is left,
-    the selection is made once more with those of the model that it found, if that model misses more or less with them,
-    and its refits start from there, too; the tables of the first one follow those of the second.
+    they are wrong for the machine, and such gains may as well hide what is left. If the model that was found misses
+    more with its own gains, or less although something is left, the selection is made once more with those, and its
+    refits start from there, too; the tables of the first one follow those of the second.
     """
 
     def selected(base: Model, before: tuple[Refitted, ...] = ()) -> Selection:
@@ -99,7 +99,7 @@ def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
     best = accepted[-1:] or (found.steps[0].refits[:1] if found.decision.remains else [])
     if not best or not is_coarse(base.posterior):
         return None
-    return at_the_pace_of(best[0].model, base, rule=rule)
+    return at_the_pace_of(best[0].model, base, remains=found.decision.remains, rule=rule)
 
 
 def _selected(
