@@ -125,6 +125,10 @@ _LEAST_FORCE = 1e-3
 _EXPLAINED = 0.1
 """Part of the force that sliding may leave unexplained and still be credible where all recordings seem to stay in
 stick: large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
+_BOTTOM = 3.0
+"""Lowest frequency of the FRF of a recording in stick, Hz: below it drift is mistaken for compliance."""
+_STIFF_UP_TO = 2.0
+"""Times the lowest frequency: below it the force of the bristles must be larger than that of the inertia."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
 
@@ -168,14 +172,17 @@ def _best_stick(
             continue
         segment = 4096 if recording.x.size >= 16384 else 1024
         frf = estimate_frf(recording.u, recording.x, recording.sample_rate, segment=segment)
-        top = min(300.0, 0.2 * recording.sample_rate)
-        inside = (np.asarray(frf.frequency) > 3.0) & (np.asarray(frf.frequency) < top)
+        bottom, top = _BOTTOM, min(300.0, 0.2 * recording.sample_rate)
+        inside = (np.asarray(frf.frequency) > bottom) & (np.asarray(frf.frequency) < top)
         # Broadband means that most lines of the band are coherent, not that a sine is.
         if np.mean(np.asarray(frf.coherence)[inside] > 0.6) < 0.25:
             continue
-        sk = fit_sk(frf, band=(3.0, top), motor_constant=motor_constant, fit_delay=True)
+        sk = fit_sk(frf, band=(bottom, top), motor_constant=motor_constant, fit_delay=True)
         positive = sk.J.value > 0 and sk.stiffness.value > 0 and sk.damping.value > 0
         if not positive or sk.stiffness.stderr > 0.2 * sk.stiffness.value:
+            continue
+        # A stiffness that inertia outweighs in all of the band is that of a machine that slides.
+        if sk.stiffness.value < sk.J.value * (2.0 * np.pi * _STIFF_UP_TO * bottom) ** 2:
             continue
         # In stick the machine stays within a few bristle deflections; in sliding "stiffness" is a fiction.
         deflection = np.max(np.abs(motion.force)) / sk.stiffness.value

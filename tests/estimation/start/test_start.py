@@ -106,6 +106,20 @@ def test_noise_that_slides_is_not_taken_for_stick():
     assert _away(start.drives[0])["J"] == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.untyped
+@pytest.mark.parametrize(("frequency", "stiff"), [(5.5, False), (6.5, True)])
+def test_a_stiffness_below_the_force_of_inertia_is_none(monkeypatch, frequency, stiff):
+    """Torque ramps past break-away have a coherent response from 3 Hz on, which begins like that of a soft spring. The
+    stiffness of bristles is the larger force an octave further up, and so are their resonances."""
+    value = {"J": TRUTH["J"], "damping": TRUTH["sigma1"]}
+    value["stiffness"] = TRUTH["J"] * (2.0 * np.pi * frequency) ** 2
+    response = SimpleNamespace(**{name: SimpleNamespace(value=one, stderr=0.0) for name, one in value.items()})
+    monkeypatch.setattr(start_module, "fit_sk", lambda *_, **__: response)
+    stick = open_loop("stick", stick_noise(), seed=1)
+    found, _ = start_module._best_stick((stick,), (smooth_motion(stick, KM),), KM)
+    assert (found is response) == stiff
+
+
 def test_break_away_at_the_end_of_a_ramp_is_the_static_friction():
     recordings = (open_loop("stick", stick_noise(), seed=1), open_loop("ramps", break_away(), seed=2))
     start = starting_values(recordings, motor_constant=KM)
