@@ -56,7 +56,7 @@ def force_balance(
     turn: float = 2.0 * np.pi,
 ) -> tuple[Balanced, ...]:
     """The forces of the catalogue, linear in their strengths, that lower the unexplained part of the motor force much
-    (`CLEARER`), the one that leaves least first.
+    (`CLEARER`), beside a constant force or alone, the one that leaves least first.
 
     **Arguments:**
 
@@ -74,21 +74,46 @@ def force_balance(
     found = []
     for form in linear_forces(without, turn):
         for motions in (trials[number] for number in dict.fromkeys((best, 0))):
-            columns = [_forces(form, friction, motion) for motion in motions]
-            # A constant force is the offset that stands beside all the others.
-            shape = np.ptp(np.concatenate(columns), axis=0)
-            lone = bool(np.all(shape == 0.0))
-            before = fit_sliding(motions, inertia=inertia, offset=not lone)
-            after = fit_sliding(motions, inertia=inertia, beside=None if lone else columns)
-            if not (after.explains and after.unexplained < CLEARER * before.unexplained):
+            balance = _balance(form, friction, motions, inertia)
+            if balance is None:
                 continue
-            sizes = (after.offset,) if lone else after.beside
+            sizes, after = balance
             strengths = {p.name: size for p, size in zip(form.strengths, sizes, strict=True)}
             effect = dataclasses.replace(form, **strengths)
             drives = tuple(_with_friction(start, after, motions) for start in starts)
             found.append(Balanced(effect, drives, after.unexplained))
             break
     return tuple(sorted(found, key=lambda one: one.unexplained))
+
+
+def _balance(
+    form: AbstractForceEffect,
+    friction: LuGre,
+    motions: tuple[SlidingMotion, ...],
+    inertia: float | None,
+) -> tuple[tuple[float, ...], SlidingFit] | None:
+    """Strengths of the `form` along the `motions`, and the fit with it, where it explains much more than the same fit
+    without it; else None. `friction` gives scales, `inertia` as in `force_balance`.
+
+    A constant force is compared with none. Any other force is it beside one, and, where that says little, alone if it
+    explains more than a constant one: a pendulum that swings a little has a torque that is nearly constant.
+    """
+    columns = [_forces(form, friction, motion) for motion in motions]
+    none, constant = (fit_sliding(motions, inertia=inertia, offset=offset) for offset in (False, True))
+    if np.all(np.ptp(np.concatenate(columns), axis=0) == 0.0):
+        return ((constant.offset,), constant) if _much_clearer(constant, none) else None
+    beside, alone = (
+        fit_sliding(motions, inertia=inertia, beside=columns, offset=offset) for offset in (True, False)
+    )
+    if _much_clearer(beside, constant):
+        return beside.beside, beside
+    if _much_clearer(alone, none) and alone.unexplained < constant.unexplained:
+        return alone.beside, alone
+    return None
+
+
+def _much_clearer(fit: SlidingFit, other: SlidingFit) -> bool:
+    return fit.explains and fit.unexplained < CLEARER * other.unexplained
 
 
 def linear_forces(

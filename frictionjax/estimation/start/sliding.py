@@ -95,7 +95,7 @@ def fit_sliding(
     - `motions`: smoothed recordings.
     - `inertia`: known inertia, or None.
     - `beside`: for each motion k forces that may take a part, shape `(n, k)`: the position, as of a spring.
-    - `offset`: let a constant force take a part.
+    - `offset`: let a constant force take a part, and with it what is constant in those `beside`.
     """
     top_speed = max(float(np.quantile(np.abs(m.v), 0.999)) for m in motions)
     strokes = [_strokes(m) for m in motions]
@@ -121,8 +121,8 @@ def fit_sliding(
         target = force - inertia * a
     more = [] if beside is None else [own[chosen] for own, chosen in zip(beside, slides, strict=True)]
     added = np.concatenate(more) if more else np.zeros((v.size, 0))
-    # What is constant in them is the offset's.
-    design = np.concatenate([added - np.mean(added, axis=0), np.stack(columns, axis=1)], axis=1)
+    own_part = added - np.mean(added, axis=0) if offset else added
+    design = np.concatenate([own_part, np.stack(columns, axis=1)], axis=1)
     # A negative inertia or friction is no usable start: those coefficients are bounded at zero.
     lower = np.zeros(design.shape[1])
     lower[-1] = -np.inf

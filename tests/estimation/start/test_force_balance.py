@@ -67,6 +67,17 @@ def test_a_spring_and_a_load_are_found():
     assert float(load.effect.load) == pytest.approx(3.0, rel=0.02)
 
 
+def test_a_pendulum_that_swings_a_little_is_no_constant_load():
+    """Its torque hardly varies: beside a constant force gravity says little, and alone all."""
+    first, second = balance(
+        swing(lambda x, v: 3.0 * np.cos(x), size=0.12), without=frozenset({"return_spring"})
+    )
+    assert first.effect.name == "gravity_pendulum" and second.effect.name == "constant_load"
+    assert float(first.effect.cosine) == pytest.approx(3.0, rel=0.02)
+    assert abs(float(first.effect.sine)) < 0.1
+    assert first.unexplained < 0.5 * second.unexplained
+
+
 def test_a_machine_without_any_asks_for_none():
     assert balance(swing(lambda x, v: 0.02 * v)) == ()
 
