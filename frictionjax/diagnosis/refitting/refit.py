@@ -170,9 +170,10 @@ def _from_other_starts(
     hints: Hints,
     executor: Executor,
 ) -> list[CandidateDescent]:
-    """The `candidates`, where all leave most of the misfit fitted again with a Stribeck peak, and from where the base
-    fit started; and, where that does not help either, a load behind a gap."""
-    if start.stuck(candidates):
+    """The `candidates`, where all are far from the noise or leave most of the misfit fitted again with a Stribeck peak;
+    in the latter case also from where the base fit started, and, where that does not help either, a load behind a
+    gap."""
+    if start.far(candidates) or start.stuck(candidates):
         candidates = _foremost(candidates, start, start.effort.refitting.near)
         candidates = list(executor.map(lambda one: with_a_peak(start, one), candidates))
     # A model that has effects already has left the minimum that the base model came to rest in.

@@ -260,10 +260,23 @@ class _Ended(SimpleNamespace):
         super().__init__(trial=_masked(form, 0.0, 0.0), fitted=SimpleNamespace(misfit=misfit))
 
 
-def _start_at(best):
-    """A start at a misfit of 1 beside a base model without effects, with this misfit of the `best` before."""
+def _start_at(best, misfit=1.0):
+    """A start at this `misfit` beside a base model without effects, with that of the `best` before."""
     base = SimpleNamespace(posterior=SimpleNamespace(drive=SimpleNamespace(effects=())))
-    return RefitStart(base, None, None, 1.0, best, {}, False, None, None, 0, Rule(), Effort())
+    return RefitStart(base, None, None, misfit, best, {}, False, None, None, 0, Rule(), Effort())
+
+
+@pytest.mark.untyped
+@pytest.mark.parametrize(("left", "tried"), [(0.5, True), (0.02, False)])
+def test_a_peak_is_tried_wherever_the_noise_is_far(monkeypatch, left, tried):
+    """Of a misfit of 4 nats the best candidate leaves an eighth, or next to nothing: it is not stuck, and the rest may
+    be a lost peak. Else it may not."""
+    peaks, end = [], _Ended("A", left)
+    monkeypatch.setattr(refit, "with_a_peak", lambda start, one: peaks.append(one) or one)
+    monkeypatch.setattr(refit, "at_the_resonance", lambda start, one: pytest.fail("it is not stuck"))
+    with ThreadPoolExecutor(1) as executor:
+        found = refit._from_other_starts([end], [], _start_at(np.inf, 4.0), Hints(), executor)
+    assert found == [end] and peaks == ([end] if tried else [])
 
 
 @pytest.mark.untyped
