@@ -104,7 +104,8 @@ def _rivals(lead):
 
 
 def _verdict(left, *exact):
-    whole = row((1.0 - left, 1.0 - left), exact=exact)
+    # Far from the noise: what is left is significant whatever its share.
+    whole = row((1.0 - left, 1.0 - left), before=(2.0, 2.0), exact=exact)
     return lambda rule: verdict_of([Round(table(whole), 0)], whole, rule=rule)[0]
 
 

@@ -34,8 +34,8 @@ def verdict_of(
     chain: Sequence[Round], whole: ModelComparison | None, *, rule: Rule = Rule()
 ) -> tuple[Verdict, tuple[bool, float]]:
     """`adequate` when the base model is at the noise on fit and held-out recordings, with its parameters as they were
-    fitted or with those of all recordings together; `named` when what was accepted explains enough of the whole; else
-    `unknown`. Then whether something significant is left, and its share.
+    fitted or with those of all recordings together; `named` when what was accepted explains enough of the whole, or
+    leaves nothing significant; else `unknown`. Then whether something significant is left, and its share.
 
     **Arguments:** the `chain` of rounds; `whole`, the last accepted model against the base model, None where nothing
     was accepted; the `rule`.
@@ -48,6 +48,6 @@ def verdict_of(
     share = float(np.clip(1.0 - whole.gains(rule).share, 0.0, 1.0))
     most = rule.limits.remains * rule.limits.adequate
     remains = not all(within(whole.misfits_after, whole.misfit_errors, most, rule))
-    if share < most_left(whole.exact, rule=rule):
+    if share < most_left(whole.exact, rule=rule) or not remains:
         return "named", (remains, share)
     return "unknown", (True, share)
