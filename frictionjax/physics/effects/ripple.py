@@ -24,7 +24,7 @@ class Ripple(AbstractWave, AbstractForceEffect):
         sentence="a force periodic in position (cogging)",
         equation="J x'' = km u - F - sine sin(2 pi x/period) - cosine cos(2 pi x/period)",
         shows="a wave along the stroke with the same sign in both directions",
-        confused_with=("position_dependence", "return_spring"),
+        confused_with=("position_dependence", "return_spring", "constant_load"),
         split_by="slow moves over several periods in both directions",
         one_law=True,
         of_position=True,
