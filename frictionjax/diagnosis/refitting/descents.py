@@ -60,9 +60,9 @@ class RefitStart:
         """The lowest misfit of the `candidates` and of the best one before them."""
         return min(self.best, *(one.fitted.misfit for one in candidates))
 
-    def far(self, candidates: Sequence["CandidateDescent"]) -> bool:
-        """Whether the `candidates` and the best one before them are far from the noise."""
-        return self.lowest(candidates) > self.effort.refitting.far
+    def above_the_noise(self, candidates: Sequence["CandidateDescent"]) -> bool:
+        """Whether the `candidates` and the best one before them leave anything."""
+        return self.lowest(candidates) > self.rule.limits.adequate
 
     def stuck(self, candidates: Sequence["CandidateDescent"]) -> bool:
         """Whether the `candidates` and the best one before them leave much of a misfit that is far from the noise."""

@@ -170,10 +170,9 @@ def _from_other_starts(
     hints: Hints,
     executor: Executor,
 ) -> list[CandidateDescent]:
-    """The `candidates`, where all are far from the noise or leave most of the misfit fitted again with a Stribeck peak;
-    in the latter case also from where the base fit started, and, where that does not help either, a load behind a
-    gap."""
-    if start.far(candidates) or start.stuck(candidates):
+    """The `candidates`, where none reaches the noise fitted again with a Stribeck peak; where all leave much of the
+    misfit also from where the base fit started, and, where that does not help either, a load behind a gap."""
+    if start.above_the_noise(candidates):
         candidates = _foremost(candidates, start, start.effort.refitting.near)
         candidates = list(executor.map(lambda one: with_a_peak(start, one), candidates))
     # A model that has effects already has left the minimum that the base model came to rest in.
