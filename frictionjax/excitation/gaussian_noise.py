@@ -1,5 +1,7 @@
 """Band-limited Gaussian noise."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
@@ -40,6 +42,14 @@ def gaussian_noise(
             f"the band from {low} to {bandwidth} Hz is empty for {n} samples at {sample_rate} Hz",
             cure=f"Widen it: its lines are multiples of {sample_rate / n:.4g} Hz up to {sample_rate / 2.0} Hz.",
         )
+    return _filtered(key, rms, first, last, n)
+
+
+@functools.partial(jax.jit, static_argnames="n")
+def _filtered(
+    key: PRNGKeyArray, rms: float | Float[Array, ""], first: int, last: int, n: int
+) -> Float[Array, " n"]:
+    """Noise on the lines from the `first` to the `last`."""
     line = jnp.arange(n // 2 + 1)
     spectrum = jnp.where((line >= first) & (line <= last), jnp.fft.rfft(jax.random.normal(key, (n,))), 0.0)
     signal = jnp.fft.irfft(spectrum, n)

@@ -1,11 +1,12 @@
 """A sum of sines on chosen lines, with random phases."""
 
+import functools
 from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from frictionjax.core import InputError
 
@@ -54,6 +55,14 @@ def multisine(
             f"{sample_rate} Hz can carry",
             cure=f"Choose frequencies from {step:.4g} Hz to below {sample_rate / 2.0} Hz, or a larger `n`.",
         )
+    return _sines(key, lines, rms, n)
+
+
+@functools.partial(jax.jit, static_argnames="n")
+def _sines(
+    key: PRNGKeyArray, lines: Int[np.ndarray, " f"], rms: float | Float[Array, ""], n: int
+) -> Float[Array, " n"]:
+    """Sines of equal amplitude on the `lines`."""
     phase = jax.random.uniform(key, lines.shape, minval=-jnp.pi, maxval=jnp.pi)
     spectrum = jnp.zeros(n // 2 + 1, complex).at[lines].set(jax.lax.complex(jnp.cos(phase), jnp.sin(phase)))
     # One line of unit magnitude has the rms sqrt(2) / n after the inverse transform.

@@ -1,5 +1,7 @@
 """Random binary noise, the excitation of the paper."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
@@ -36,7 +38,12 @@ def prbs(
             f"`bandwidth` is {bandwidth} Hz, which noise at {sample_rate} samples per second cannot have",
             cure=f"Choose a value above 0 and not above {sample_rate / 2.0} Hz.",
         )
-    hold = max(1, int(HALF_POWER * sample_rate / bandwidth))
+    return _held(key, rms, n, max(1, int(HALF_POWER * sample_rate / bandwidth)))
+
+
+@functools.partial(jax.jit, static_argnames=("n", "hold"))
+def _held(key: PRNGKeyArray, rms: float | Float[Array, ""], n: int, hold: int) -> Float[Array, " n"]:
+    """Binary noise that is held for so many samples, `hold`."""
     ticks = -(-n // hold)
     balanced = jnp.where(jnp.arange(ticks) % 2 == 0, 1.0, -1.0)
     return rms * jnp.repeat(jax.random.permutation(key, balanced), hold)[:n]
