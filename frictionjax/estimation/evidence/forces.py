@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from frictionjax.core.arrays import Numbers, known
+from frictionjax.core.programs import compiled
 from frictionjax.estimation.data.batch import BLOCK
 from frictionjax.estimation.data.pieces import Piece, lanes_of, padded, pieces_of
 from frictionjax.estimation.evidence.base import AbstractMeasurement
@@ -93,18 +94,24 @@ class Forces(AbstractMeasurement):
 
     def with_noise_of(self, drive: Drive, z0: Float[Numbers, " rows"]) -> "Forces":
         """The same data with the noise that `drive` leaves in each recording, or that is known; `z0` as in `errors`."""
-        error = (self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]) ** 2
-        samples = jnp.sum(self.valid, axis=1)
-        spread = jnp.sqrt(jnp.sum(error, axis=1) / samples)
-        level = jnp.sqrt(jnp.sum(self.force**2 * self.valid, axis=1) / samples)
-        found = jnp.maximum(spread, _LEAST * level)
-        return eqx.tree_at(lambda e: e.noise, self, jnp.where(jnp.isnan(self.known), found, self.known))
+        return eqx.tree_at(lambda e: e.noise, self, _noise_of(self, drive, z0))
 
     def replica(self, drive: Drive, z0: Float[Numbers, " rows"], key: Key[Array, ""]) -> "Forces":
         """The friction of `drive` in the same motion from `z0`, with noise drawn with `key`."""
         error = self.errors(drive, z0).reshape(self.valid.shape) * self.noise[:, None]
         drawn = self.force + error + self.noise[:, None] * jax.random.normal(key, self.force.shape)
         return eqx.tree_at(lambda e: e.force, self, drawn)
+
+
+@compiled()
+def _noise_of(forces: Forces, drive: Drive, z0: Float[Numbers, " rows"]) -> Float[Array, " r"]:
+    """The noise that `drive` leaves in each recording of the `forces`, or that is known."""
+    error = (forces.errors(drive, z0).reshape(forces.valid.shape) * forces.noise[:, None]) ** 2
+    samples = jnp.sum(forces.valid, axis=1)
+    spread = jnp.sqrt(jnp.sum(error, axis=1) / samples)
+    level = jnp.sqrt(jnp.sum(forces.force**2 * forces.valid, axis=1) / samples)
+    found = jnp.maximum(spread, _LEAST * level)
+    return jnp.where(jnp.isnan(forces.known), found, forces.known)
 
 
 def make_forces(recordings: tuple[Recording, ...], given: tuple[float | None, ...] | None = None) -> Forces:
