@@ -13,12 +13,14 @@ from jaxtyping import Float
 from frictionjax.core.arrays import Numbers
 from frictionjax.estimation.descent.stepper import AbstractPlace, Ending, Stepper
 from frictionjax.estimation.objective.loss import GRADUATION
-from frictionjax.estimation.objective.misfit import misfit_of
+from frictionjax.estimation.objective.misfit import losses_of, misfit_of
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic
 from frictionjax.estimation.objective.robust import graduated
+from frictionjax.estimation.parameters import changed
 
 _LEVEL = 0.95  # quantile of the block powers that is the scale of the loss: blocks below it count as in least squares
+_A_NAT = 1.0  # what a coordinate is worth: less is no reason to descend again
 _STEPPER = Stepper()
 
 
@@ -141,8 +143,31 @@ def descend(
                 there, evaluations = _brought_down(posterior, there, evaluations, scale, 4, 0.05)
     first = _place(graduated(posterior, 1.0), there, evaluations, tolerance)
     end, ending, _ = _STEPPER.descend(first, steps)
+    other = _from_rest(end) if steps else None
+    if other is not None:
+        end, ending, _ = _STEPPER.descend(other, steps)
     misfit = misfit_of(np.asarray(end.near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
     return RobustFit(end.vector, end.near, misfit, ending)
+
+
+def _from_rest(end: _RobustPlace) -> _RobustPlace | None:
+    """The `end` with the bristles of held-out recordings unbent in the beginning where that leaves less; None where it
+    does nowhere. While the parameters were others such a deflection may have gone so far astray that no small step of
+    it leads back: in stick each deflection but the true one is as bad as the next."""
+    posterior, fitted = end.posterior, np.asarray(end.posterior.fitted[0]) > 0
+    if np.all(fitted):
+        return None
+    held_out = np.flatnonzero(~fitted)
+    unbent = changed(end.vector, posterior.parameters + held_out, 0.0)
+    now, then = (
+        np.sum(losses_of(power, posterior.batch), axis=1)[held_out]
+        for power in (np.asarray(end.near.powers[0]), posterior.powers([unbent])[0])
+    )
+    better = held_out[then < now - _A_NAT]
+    if not better.size:
+        return None
+    there = changed(end.vector, posterior.parameters + better, 0.0)
+    return _place(posterior, there, posterior.evaluated(there), end.tolerance)
 
 
 def level_out(posterior: Posterior, vector: Float[Numbers, " q"]) -> Float[Numbers, " q"]:

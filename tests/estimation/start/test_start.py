@@ -113,7 +113,9 @@ def test_a_stiffness_below_the_force_of_inertia_is_none(monkeypatch, frequency, 
     stiffness of bristles is the larger force an octave further up, and so are their resonances."""
     value = {"J": TRUTH["J"], "damping": TRUTH["sigma1"]}
     value["stiffness"] = TRUTH["J"] * (2.0 * np.pi * frequency) ** 2
-    response = SimpleNamespace(**{name: SimpleNamespace(value=one, stderr=0.0) for name, one in value.items()})
+    response = SimpleNamespace(
+        **{name: SimpleNamespace(value=one, stderr=0.0) for name, one in value.items()}
+    )
     monkeypatch.setattr(start_module, "fit_sk", lambda *_, **__: response)
     stick = open_loop("stick", stick_noise(), seed=1)
     found, _ = start_module._best_stick((stick,), (smooth_motion(stick, KM),), KM)
