@@ -104,7 +104,7 @@ assert not {{"jax", "numpy", "matplotlib"}} & set(sys.modules)
         (["diagnose"], "FILE"),
         (["diagnose", "case.toml"], "--out"),
         (["diagnose", "case.toml", "--out", "out", "--frobnicate"], "--frobnicate"),
-        (["diagnose", "run.csv", "--motor-constant", "big", "--out", "out"], "invalid float value: 'big'"),
+        (["diagnose", "a", "--motor-constant", "big", "--out", "out"], 'unable to convert "big" into float'),
         (["explain"], "explain"),
     ],
 )

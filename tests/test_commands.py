@@ -189,7 +189,7 @@ def test_what_cannot_be_done_is_one_line_and_status_2(files, capsys, arguments, 
         (["--scale", "x=big"], "'big' in 'x=big' is not a number"),
         (["--interval", "5"], "'5' is not FROM:TO, such as 0:12.5"),
         (["--interval", "a:b"], "'a:b' is not FROM:TO"),
-        (["--loop", "half"], "invalid choice: 'half'"),
+        (["--loop", "half"], 'Invalid value "half" for --loop. Choose from: "open", "closed"'),
     ],
 )
 def test_a_mistyped_option_is_one_line(option, words, capsys):

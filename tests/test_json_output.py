@@ -9,8 +9,7 @@ import pytest
 from helpers_diagnosis import fake_diagnosis
 
 from frictionjax.cli import main
-from frictionjax.cli.completion import _commands
-from frictionjax.cli.options import parser
+from frictionjax.cli.commands import below, program
 from frictionjax.cli.study_file import EXAMPLE
 from frictionjax.physics import Drive, LuGre
 from frictionjax.report.save import verdict_json
@@ -37,11 +36,12 @@ def printed(capsys, *arguments):
 
 
 def test_every_command_can_print_json():
-    plain = {"case", "completion"}  # a group of commands, and the script of a shell
+    plain = {"completion"}  # the script of a shell
     found = {
-        name: [option for action in command._actions for option in action.option_strings]
-        for name, command in _commands(parser())
+        command.name[0]: [name for one in command.assemble_argument_collection() for name in one.names]
+        for command in below(program())
     }
+    assert len(found) == 14
     assert [name for name, options in found.items() if "--json" not in options and name not in plain] == []
 
 

@@ -1,98 +1,73 @@
 """From the options of a command to a case, and from recordings to a case file."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import argparse
+from frictionjax.cli.case_options import OPTIONS, CaseOptions
 
+if TYPE_CHECKING:
     from frictionjax.recordings import Case
 
-OPTIONS = {
-    "holdout": "--holdout",
-    "name": "--name",
-    "motor_constant": "--motor-constant",
-    "inertia": "--inertia",
-    "encoder_step": "--encoder-step",
-    "hold": "--hold",
-    "position_unit": "--position-unit",
-    "force_unit": "--force-unit",
-    "input_unit": "--input-unit",
-    "sample_rate": "--sample-rate",
-    "columns": "--columns",
-    "units": "--unit",
-    "scale": "--scale",
-    "loop": "--loop",
-    "drive": "--drive",
-    "start_time": "--start-time",
-    "interval": "--interval",
-    "controller": "--controller",
-}
-"""Key of a case -> the option that sets it for recordings without a case file."""
 _BY_NAME = {"columns": "role", "units": "role", "scale": "role", "controller": "key"}
 _BY_FILE = ("start_time", "interval")
 
 
-def case_of(arguments: "argparse.Namespace", *, needs_holdout: bool = True) -> "Case":
-    """The case that the `arguments` of a command describe: a case file, or recordings and options; a command that
-    judges nothing `needs_holdout` not, as in `load_case`."""
+def case_of(files: Sequence[Path], source: CaseOptions, *, needs_holdout: bool = True) -> "Case":
+    """The case that the `files` and the options `source` describe: a case file, or recordings and options; a command
+    that judges nothing `needs_holdout` not, as in `load_case`."""
     from frictionjax.core import InputError
     from frictionjax.recordings import case_from_files, load_case
 
-    first, *others = arguments.inputs
-    case_files = [name for name in arguments.inputs if Path(name).suffix.lower() == ".toml"]
-    given = options_of(arguments)
+    first, *others = names = [str(file) for file in files]
+    case_files = [name for name in names if Path(name).suffix.lower() == ".toml"]
+    given = options_of(files, source)
+    limits: dict[str, Any] = {"limit": source.limit, "needs_holdout": needs_holdout}
     if not case_files:
-        holdout = given.pop("holdout", [])
-        return case_from_files(
-            arguments.inputs, holdout, limit=arguments.limit, needs_holdout=needs_holdout, **given
-        )
-    if others or arguments.holdout:
+        return case_from_files(names, given.pop("holdout", []), **limits, **given)
+    if others or source.holdout:
         problem = "a case file lists its own recordings, so it is the only argument"
         raise InputError(problem, file=case_files[0], cure="Give one case file, or recordings only")
     for key in given:
         problem = f"`{OPTIONS[key]}` is for recordings without a case file"
         raise InputError(problem, file=first, cure=f"Write {key} into the case file")
-    return load_case(
-        first,
-        allow_outside=arguments.allow_outside,
-        limit=arguments.limit,
-        needs_holdout=needs_holdout,
-    )
+    return load_case(first, allow_outside=source.allow_outside, **limits)
 
 
-def options_of(arguments: "argparse.Namespace") -> dict[str, Any]:
-    """The keywords of `case_from_files` that the `arguments` of a command set."""
+def options_of(files: Sequence[Path], source: CaseOptions) -> dict[str, Any]:
+    """The keywords of `case_from_files` that the options `source`, beside these `files`, set."""
     from frictionjax.core import InputError
 
-    files = len(arguments.inputs) + len(arguments.holdout)
+    count = len(files) + len(source.holdout or ())
     given: dict[str, Any] = {}
     for key, option in OPTIONS.items():
-        value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
-        if value is None or value == []:
+        value = getattr(source, key)
+        if value is None:
             continue
-        if key in _BY_NAME:
+        if key == "holdout":
+            value = [str(file) for file in value]
+        elif key in _BY_NAME:
             names = [name for name, _ in value]
             twice = next((name for name in names if names.count(name) > 1), None)
             if twice:
                 raise InputError(f"`{option}` gives `{twice}` twice", cure=f"Give each {_BY_NAME[key]} once")
             value = dict(value)
         elif key in _BY_FILE:
-            if len(value) not in (1, files):
+            if len(value) not in (1, count):
                 raise InputError(
-                    f"`{option}` has {len(value)} values for {files} files",
+                    f"`{option}` has {len(value)} values for {count} files",
                     cure="Give one for all files, or one for each: fitted files first, held-out files last",
                 )
-            value = value * files if len(value) == 1 else value
+            value = value * count if len(value) == 1 else value
         given[key] = value
     return given
 
 
-def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) -> str:
-    """A case file, TOML, to stand in `folder`, for the recordings that the `arguments` name and that were read as
-    `case`; each key with what it means, and those without a value as comments."""
-    given = options_of(arguments)
+def case_file_text(case: "Case", files: Sequence[Path], source: CaseOptions, folder: Path) -> str:
+    """A case file, TOML, to stand in `folder`, for the recordings that the `files` and the options `source` name and
+    that were read as `case`; each key with what it means, and those without a value as comments."""
+    given = options_of(files, source)
     plant = case.plant
     known = {
         "motor_constant": plant.motor_constant,
@@ -110,12 +85,12 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         "[plant]",
         *(_line(key, known[key], *_PLANT[key]) for key in known),
     ]
-    files = [(name, "fit") for name in arguments.inputs] + [(name, "holdout") for name in arguments.holdout]
-    if any(not Path(name).resolve().is_relative_to(folder.resolve()) for name, _ in files):
+    listed = [(file, "fit") for file in files] + [(file, "holdout") for file in source.holdout or ()]
+    if any(not file.resolve().is_relative_to(folder.resolve()) for file, _ in listed):
         lines.insert(
             1, "# Recordings lie outside of the folder of this file: it is read with --allow-outside."
         )
-    for place, (file, role) in enumerate(files):
+    for place, (file, role) in enumerate(listed):
         values: dict[str, Any] = {"file": Path(os.path.relpath(file, folder)).as_posix(), "role": role}
         values |= {
             key: given[key] for key in ("loop", "drive", "sample_rate", "units", "scale") if key in given
@@ -128,9 +103,9 @@ def case_file_text(case: "Case", arguments: "argparse.Namespace", folder: Path) 
         }
         lines += ["", "[[recording]]"]
         lines += [_line(key, values.get(key), *_RECORDING[key]) for key in _RECORDING]
-        lines += [f"# {sentence}" for sentence in _seen(case, place, len(files))]
+        lines += [f"# {sentence}" for sentence in _seen(case, place, len(listed))]
     lines += ["", *_controller_lines(given.get("controller"))]
-    if len(files) == 1:
+    if len(listed) == 1:
         lines += [
             "",
             "# Of a single recording the last third is held out. A second one judges better:",
@@ -146,14 +121,14 @@ def _controller_lines(given: dict[str, float] | None) -> list[str]:
     return ["[controller]" if given else "# [controller]", *keys]
 
 
-def _columns_of(file: str, given: dict[str, Any]) -> dict[str, str]:
+def _columns_of(file: Path, given: dict[str, Any]) -> dict[str, str]:
     """Role -> column of a `file`, with what is `given` for all files."""
     from frictionjax.recordings.columns import find_columns
     from frictionjax.recordings.readers import open_table
     from frictionjax.recordings.schema import Spot, parse_entry
 
     keys = {key: given[key] for key in ("drive", "sample_rate", "columns") if key in given}
-    return find_columns(parse_entry({"file": file, **keys}, Spot(None)), open_table(Path(file))).names
+    return find_columns(parse_entry({"file": str(file), **keys}, Spot(None)), open_table(file)).names
 
 
 def _seen(case: "Case", place: int, files: int) -> tuple[str, ...]:

@@ -1,52 +1,69 @@
 """The command `completion`: a script with which a shell completes commands, options, files and names of effects.
 
-The script is written once, by shtab, from the parser itself: nothing of frictionjax runs when a key is pressed.
+The script is written once, by cyclopts, from the commands themselves: nothing of frictionjax runs at a key press.
 """
 
-import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from frictionjax.cli.terminal import Terminal, say
+from frictionjax.cli.kinds import Screen
+from frictionjax.cli.terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-_FILES = ("FILE", "RECORDING", "FIT", "VERDICT")
-_FOLDERS = ("DIR",)
-_EFFECT = "EFFECT"
-_NAMES_OF_EFFECTS = ("fit", "effects")
-"""Commands in which a NAME is that of an effect; elsewhere it is one of a recording or a joint."""
+    from cyclopts import App
 
 
-def completion(arguments: argparse.Namespace, terminal: Terminal) -> None:
-    """`frictionjax completion`."""
-    import shtab
+def completion(shell: Literal["bash", "zsh", "fish"], /, *, terminal: Screen) -> None:
+    """Print a script with which a shell completes commands and options.
 
-    from frictionjax.cli.options import parser
+    The shell then completes commands, options, files and names of effects.
+
+    **Arguments:**
+
+    - `shell`: the shell
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax completion bash \\
+          > ~/.local/share/bash-completion/completions/frictionjax
+        frictionjax completion zsh > ~/.zfunc/_frictionjax
+        frictionjax completion fish > ~/.config/fish/completions/frictionjax.fish
+    """
+    from frictionjax.cli.commands import below, program
     from frictionjax.physics import catalogue
 
-    whole = parser()
-    effects = tuple(catalogue())
-    for name, command in _commands(whole):
-        for action in command._actions:
-            if action.choices:
-                continue
-            if action.metavar == _EFFECT or (name in _NAMES_OF_EFFECTS and action.metavar == "NAME"):
-                action.choices = effects
-            elif action.metavar in _FILES:
-                action.complete = shtab.FILE  # type: ignore[attr-defined]
-            elif action.metavar in _FOLDERS:
-                action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+    whole = program(tuple(catalogue()))
+    script = whole.generate_completion(shell=shell, prog_name="frictionjax")
     terminal.close()
-    say([shtab.complete(whole, shell=arguments.shell)])
+    say([_with_several(script, below(whole))])
 
 
-def _commands(
-    parser: argparse.ArgumentParser, name: str = ""
-) -> "Iterable[tuple[str, argparse.ArgumentParser]]":
-    """The name and the parser of each command under a `parser`, and of their own."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, command in action.choices.items():
-                yield name, command
-                yield from _commands(command, name)
+# What cyclopts writes for bash where a value stands: it looks at the word before, which may be another value of the
+# same option. The option itself is the last word with a hyphen.
+_BEFORE = 'local _value_prev="${prev}"\n'
+_OPTION_BEFORE = """\
+{indent}local _word
+{indent}for ((_word = COMP_CWORD - 1; _word > 1; _word--)); do
+{indent}  [[ "${{COMP_WORDS[_word]}}" == -* ]] || continue
+{indent}  [[ " {several} " == *" ${{COMP_WORDS[_word]}} "* ]] && _value_prev="${{COMP_WORDS[_word]}}"
+{indent}  break
+{indent}done
+"""
+
+
+def _with_several(script: str, commands: "Iterable[App]") -> str:
+    """The `script`, which then completes in bash also the second value of an option of these `commands`."""
+    options = {
+        name
+        for command in commands
+        for argument in command.assemble_argument_collection()
+        if argument.parameter.consume_multiple
+        for name in argument.parameter.name or ()
+    }
+    head, *rest = script.split(_BEFORE)
+    for part in rest:
+        indent = head[len(head.rstrip(" ")) :]
+        head += _BEFORE + _OPTION_BEFORE.format(indent=indent, several=" ".join(sorted(options))) + part
+    return head

@@ -3,28 +3,57 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from cyclopts import Parameter
+
+from frictionjax.cli.case_options import CaseOptions
 from frictionjax.cli.cases import case_of
-from frictionjax.cli.terminal import Terminal, say, say_json
+from frictionjax.cli.kinds import AsJson, Effects, File, Name, Number, Screen
+from frictionjax.cli.terminal import say, say_json
 
 if TYPE_CHECKING:
-    import argparse
-
     from frictionjax.core import Estimate
     from frictionjax.physics import Drive
     from frictionjax.recordings import Case, Recording
 
 
-def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax fit`."""
+def fit(
+    files: list[File],
+    /,
+    *,
+    effect: Effects = None,
+    out: File | None = None,
+    as_json: AsJson = False,
+    source: CaseOptions = CaseOptions(),
+    terminal: Screen,
+) -> None:
+    r"""Fit the LuGre model and the inertia, by maximum likelihood.
+
+    Fit the base model, with effects that are already known, to the recordings that are not held out.
+
+    **Arguments:**
+
+    - `files`: one case file (.toml), or the recordings to fit
+    - `effect`: effects to fit beside the base model
+    - `out`: also write the result there, as JSON
+    - `as_json`: print the fit as JSON on stdout, and nothing else
+    - `source`: what a case file would say
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax fit run1.csv run2.csv --holdout run3.csv --motor-constant 16 \
+          --out fit.json
+        frictionjax fit case.toml --effect return_spring constant_load
+    """
     from frictionjax.estimation import fit
     from frictionjax.exchange import save_fit
     from frictionjax.exchange.fit_file import fit_to_json
     from frictionjax.report.format import shown_estimates
 
-    _check_folder(arguments.out)
-    case = case_of(arguments)
+    _check_folder(out)
+    case = case_of(files, source)
     plant = case.plant
     units = {"force": plant.force_unit, "position": plant.position_unit, "input": plant.input_unit}
     terminal.progress("starting values", 0.0)
@@ -33,7 +62,7 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     holds = ("zero", "linear") if decides else (plant.hold,)
     for hold in holds:
         own = dataclasses.replace(case, plant=dataclasses.replace(plant, hold=hold))
-        starts, fixed = _starts(own, arguments.effect)
+        starts, fixed = _starts(own, effect or [])
         results[hold] = fit(
             starts,
             own.fit_recordings,
@@ -44,10 +73,10 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         )
     hold = min(holds, key=lambda one: results[one].cost) if decides else plant.hold
     result = results[hold]
-    if arguments.out is not None:
-        save_fit(result, arguments.out)
+    if out is not None:
+        save_fit(result, out)
     terminal.close()
-    if arguments.json:
+    if as_json:
         say_json(json.loads(fit_to_json(result)))
         return
     say(_estimate_lines(shown_estimates(result.parameters, plant)))
@@ -57,8 +86,8 @@ def fit(arguments: "argparse.Namespace", terminal: Terminal) -> None:
         words = {"zero": "held", "linear": "linear"}
         say([f"The input is taken to be {words[hold]} between samples, which is likelier by {gain:.3g} in the "
              "log-likelihood."])  # fmt: skip
-    if arguments.out is not None:
-        say(["", f"Written: {arguments.out}"])
+    if out is not None:
+        say(["", f"Written: {out}"])
 
 
 def _starts(case: "Case", effects: list[str]) -> "tuple[list[Drive], tuple[str, ...]]":
@@ -75,44 +104,71 @@ def _starts(case: "Case", effects: list[str]) -> "tuple[list[Drive], tuple[str, 
     return drives, tuple(sorted(labels.get(path, path.removeprefix("friction.")) for path in own.fixed))
 
 
-def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax frf`."""
+def frf(
+    files: list[File],
+    /,
+    *,
+    recording: Name | None = None,
+    band: Annotated[tuple[float, float] | None, Parameter(metavar="LOW HIGH")] = None,
+    segment: Number = 8192,
+    out: File | None = None,
+    as_json: AsJson = False,
+    source: CaseOptions = CaseOptions(),
+    terminal: Screen,
+) -> None:
+    """Frequency response of a recording in stick, and the second-order system in it.
+
+    Estimate the frequency response from input to position, and fit inertia, stiffness and damping to it.
+
+    **Arguments:**
+
+    - `files`: one case file (.toml), or the recordings to fit
+    - `recording`: which recording of the case (default: the first)
+    - `band`: Hz that the second-order system is fitted to
+    - `segment`: samples of a segment
+    - `out`: write frequency, response and coherence there, CSV
+    - `as_json`: print the fitted system as JSON on stdout, and nothing else
+    - `source`: what a case file would say
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax frf noise.csv --band 2 150 --motor-constant 16
+    """
     import numpy as np
 
     from frictionjax.core import InputError
     from frictionjax.core.json import plain_json
     from frictionjax.frequency import estimate_frf, fit_sk
 
-    _check_folder(arguments.out)
-    case = case_of(arguments, needs_holdout=False)
-    recording, plant = _chosen(case, arguments.recording), case.plant
-    if recording.drive == "motion":
+    _check_folder(out)
+    case = case_of(files, source, needs_holdout=False)
+    chosen, plant = _chosen(case, recording), case.plant
+    if chosen.drive == "motion":
         raise InputError(
             "its motion is imposed, so it has no input that the position answers to",
-            file=recording.name,
+            file=chosen.name,
             cure='Give a recording with drive = "force"',
         )
-    response = estimate_frf(recording.u, recording.x, recording.sample_rate, segment=arguments.segment)
+    response = estimate_frf(chosen.u, chosen.x, chosen.sample_rate, segment=segment)
     fitted = None
-    if arguments.band is not None:
+    if band is not None:
         units = {"force": plant.force_unit, "position": plant.position_unit}
-        fitted = fit_sk(
-            response, tuple(arguments.band), motor_constant=plant.motor_constant or 1.0, units=units
-        )
-    if arguments.out is not None:
+        fitted = fit_sk(response, band, motor_constant=plant.motor_constant or 1.0, units=units)
+    if out is not None:
         values = np.asarray(response.response)
         columns = (response.frequency, np.real(values), np.imag(values), response.coherence, response.std)
-        _write_csv(arguments.out, "frequency,real,imaginary,coherence,std", columns)
+        _write_csv(out, "frequency,real,imaginary,coherence,std", columns)
     terminal.close()
     names = ("J", "stiffness", "damping", "natural_frequency", "damping_ratio")
     found = {} if fitted is None else {name: getattr(fitted, name) for name in names}
-    if arguments.json:
-        content = {"recording": recording.name, "segment": arguments.segment, "band": arguments.band}
+    if as_json:
+        content = {"recording": chosen.name, "segment": segment, "band": band}
         content |= {"parameters": found, "warnings": () if fitted is None else fitted.warnings}
         say_json(plain_json(content))
         return
     frequency, coherence = np.asarray(response.frequency), np.asarray(response.coherence)
-    say([f"{recording.name}: {frequency.size} frequencies to {frequency[-1]:.5g} Hz, {frequency[1]:.4g} Hz apart; "
+    say([f"{chosen.name}: {frequency.size} frequencies to {frequency[-1]:.5g} Hz, {frequency[1]:.4g} Hz apart; "
          f"{float(response.averages_effective):.3g} independent averages; median coherence "
          f"{float(np.median(coherence[1:])):.2f}."])  # fmt: skip
     if fitted is None:
@@ -124,40 +180,67 @@ def frf(arguments: "argparse.Namespace", terminal: Terminal) -> None:
     else:
         say(_estimate_lines(found))
         say(fitted.warnings)
-    if arguments.out is not None:
-        say(["", f"Written: {arguments.out}"])
+    if out is not None:
+        say(["", f"Written: {out}"])
 
 
-def simulate(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax simulate`."""
+def simulate(
+    fit: File,
+    files: list[File],
+    /,
+    *,
+    recording: Name | None = None,
+    out: File,
+    as_json: AsJson = False,
+    source: CaseOptions = CaseOptions(),
+    terminal: Screen,
+) -> None:
+    """Run a fitted drive on a recorded input.
+
+    Simulate a fit of `frictionjax fit` on the inputs of recordings, from their first sample on.
+
+    **Arguments:**
+
+    - `fit`: a fit, as `frictionjax fit --out` writes it
+    - `files`: one case file (.toml), or recordings
+    - `recording`: which recording of the case (default: the first)
+    - `out`: where t, u, measured and simulated x go, CSV
+    - `as_json`: print the error of the simulation as JSON on stdout, and nothing else
+    - `source`: what a case file would say
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax simulate fit.json run3.csv --out simulated.csv
+    """
     import numpy as np
 
     from frictionjax.core.json import plain_json
     from frictionjax.exchange import load_fit
     from frictionjax.simulation import simulate, simulate_imposed
 
-    _check_folder(arguments.out)
-    drive = load_fit(arguments.model).drive
-    case = case_of(arguments, needs_holdout=False)
-    recording, plant = _chosen(case, arguments.recording), case.plant
+    _check_folder(out)
+    drive = load_fit(fit).drive
+    case = case_of(files, source, needs_holdout=False)
+    chosen, plant = _chosen(case, recording), case.plant
     terminal.progress("simulating", 0.5)
-    if recording.drive == "motion":
-        answer, unit, measured = "force", plant.force_unit, np.asarray(recording.force)
-        simulated = np.asarray(simulate_imposed(drive, recording.x, recording.sample_rate).friction)
+    if chosen.drive == "motion":
+        answer, unit, measured = "force", plant.force_unit, np.asarray(chosen.force)
+        simulated = np.asarray(simulate_imposed(drive, chosen.x, chosen.sample_rate).friction)
     else:
-        answer, unit, measured = "x", plant.position_unit, recording.x
-        simulated = np.asarray(simulate(drive, recording.u, recording.sample_rate, x0=recording.x[0]).x)
-    cause = recording.x if answer == "force" else recording.u
+        answer, unit, measured = "x", plant.position_unit, chosen.x
+        simulated = np.asarray(simulate(drive, chosen.u, chosen.sample_rate, x0=chosen.x[0]).x)
+    cause = chosen.x if answer == "force" else chosen.u
     header = f"t,{'x' if answer == 'force' else 'u'},{answer},{answer}_simulated"
-    _write_csv(arguments.out, header, (recording.t, cause, measured, simulated))
+    _write_csv(out, header, (chosen.t, cause, measured, simulated))
     terminal.close()
     error = float(np.sqrt(np.mean((simulated - measured) ** 2)))
-    if arguments.json:
-        found = {"recording": recording.name, "of": answer, "error_rms": error, "unit": unit}
-        say_json(plain_json(found | {"written": str(arguments.out)}))
+    if as_json:
+        found = {"recording": chosen.name, "of": answer, "error_rms": error, "unit": unit}
+        say_json(plain_json(found | {"written": str(out)}))
         return
-    say([f"{recording.name}: {answer} simulated from the input alone differs by {error:.4g} {unit} (root mean square).",
-         f"Written: {arguments.out}"])  # fmt: skip
+    say([f"{chosen.name}: {answer} simulated from the input alone differs by {error:.4g} {unit} (root mean square).",
+         f"Written: {out}"])  # fmt: skip
 
 
 def _chosen(case: "Case", name: str | None) -> "Recording":

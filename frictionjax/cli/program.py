@@ -2,17 +2,18 @@
 
 import gc
 import signal
+import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NoReturn
+from functools import partial
+from typing import Any, NoReturn
 
-from frictionjax.cli.options import parser
+from cyclopts import CycloptsError, UnusedCliTokensError
+
+from frictionjax.cli.commands import program
 from frictionjax.cli.terminal import Terminal
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,11 +28,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     The exit status: 0 whatever the verdict, 2 for bad input (one line on stderr), 130 when interrupted, 143 when asked
     to end (SIGTERM). Errors in the options themselves end the process with status 2.
     """
-    arguments = parser().parse_args(argv)
     terminal = Terminal()
+    command = _asked(list(sys.argv[1:] if argv is None else argv), terminal)
+    if command is None:
+        return 0
     try:
         with _terminable():
-            return _run(arguments, terminal)
+            return _run(command, terminal)
     except KeyboardInterrupt as interrupt:
         terminal.close()
         causes = (interrupt, interrupt.__cause__)  # of a study, which says what is finished
@@ -39,6 +42,42 @@ def main(argv: Sequence[str] | None = None) -> int:
         more = f": {interrupt}" if str(interrupt) else ""
         terminal.line(f"frictionjax: {'asked to end' if asked else 'interrupted'}{more}")
         return 143 if asked else 130
+
+
+def _asked(words: list[str], terminal: Terminal) -> Callable[[], None] | None:
+    """The command that the `words` ask for; None where they ask for help or the version, which is printed."""
+    whole = program()
+    try:
+        command, bound, handed = whole.parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        chain, error.command_chain = error.command_chain or (), None
+        _refuse(terminal, _problem(error), chain)
+    if handed:
+        bound.arguments |= dict.fromkeys(handed, terminal)
+        return partial(command, *bound.args, **bound.kwargs)
+    if not {*whole.help_flags, *whole.version_flags} & set(words):
+        names = [name for name in whole.parse_commands(words)[1][-1] if not name.startswith("-")]
+        _refuse(terminal, f"a command is needed, one of: {', '.join(names)}.", words)
+    from rich.console import Console
+
+    # Without a terminal there are no colours, whatever the environment says: the text may be searched, or kept.
+    bound.arguments["console"] = Console(force_terminal=sys.stdout.isatty())
+    command(*bound.args, **bound.kwargs)
+    return None
+
+
+def _problem(error: CycloptsError) -> str:
+    if isinstance(error, UnusedCliTokensError):
+        unused = " ".join(error.unused_tokens or ())
+        return f"nothing is expected where {unused!r} stands; files stand before the options."
+    text = " ".join(str(error).split())
+    return text if text.endswith(("?", ".")) else f"{text}."
+
+
+def _refuse(terminal: Terminal, problem: str, words: Sequence[str]) -> NoReturn:
+    """End the process with one line: the `problem` with the `words` of a command, and where its options stand."""
+    terminal.line(f"frictionjax: error: {problem} See `{' '.join(('frictionjax', *words))} --help`.")
+    raise SystemExit(2)
 
 
 class _AskedToEnd(KeyboardInterrupt):
@@ -63,7 +102,7 @@ def _terminable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
+def _run(command: Callable[[], None], terminal: Terminal) -> int:
     terminal.starting()
     # These are the program's choices to make, and they must be made before JAX computes anything.
     from frictionjax.core import configure_jax, keep_compiled, keep_memory
@@ -75,30 +114,13 @@ def _run(arguments: "argparse.Namespace", terminal: Terminal) -> int:
     # of the time of a diagnosis.
     gc.set_threshold(100_000, 50, 100)
 
-    from frictionjax.cli import arm, completion, compute, look, study, work
     from frictionjax.core import FrictionjaxWarning, InputError
 
-    commands = {
-        "diagnose": work.diagnose,
-        "arm": arm.arm,
-        "demo": work.demo,
-        "paper": work.paper,
-        "check": look.check,
-        "case": look.new_case,
-        "effects": look.effects,
-        "explain": look.explain,
-        "fit": compute.fit,
-        "frf": compute.frf,
-        "simulate": compute.simulate,
-        "study": study.study,
-        "warm": work.warm,
-        "completion": completion.completion,
-    }
     with warnings.catch_warnings():
         warnings.simplefilter("always", FrictionjaxWarning)
         warnings.showwarning = terminal.show(FrictionjaxWarning, warnings.showwarning)
         try:
-            commands[arguments.command](arguments, terminal)
+            command()
         except InputError as error:
             terminal.line(f"frictionjax: error: {' '.join(str(error).split())}")
             return 2

@@ -3,35 +3,71 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
+from cyclopts import Parameter
+
+from frictionjax.cli.case_options import CaseOptions
 from frictionjax.cli.cases import case_of
+from frictionjax.cli.kinds import AsJson, Count, Effects, File, Folder, Number, Screen
 from frictionjax.cli.terminal import Terminal, say, say_json
 
 _Asked = tuple[Sequence[str], Sequence[str]]
 """Effects that the user accepts, and those that are rejected."""
 
 if TYPE_CHECKING:
-    import argparse
-
     from frictionjax.core import InputError, Progress
     from frictionjax.diagnosis import Diagnosis
     from frictionjax.recordings import Case
 
 
-def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax diagnose`."""
+def diagnose(
+    files: list[File],
+    /,
+    *,
+    out: Folder,
+    known: Annotated[Effects, Parameter("--with")] = None,
+    without: Effects = None,
+    check: Count | None = None,
+    as_json: AsJson = False,
+    source: CaseOptions = CaseOptions(),
+    terminal: Screen,
+) -> None:
+    r"""Name what is missing in the model of a recorded machine.
+
+    Diagnose one case: a case file, or recordings without one and the options below.
+
+    **Arguments:**
+
+    - `files`: one case file (.toml), or the recordings to fit
+    - `out`: where verdict.json, report.html and fit/ go
+    - `known`: effects that act: they become part of the base model, and the rest is judged again
+    - `without`: effects that do not act: they are tested, but not named
+    - `check`: also diagnose N simulated machines like this one: how often the name is right; goes on where it stopped
+    - `as_json`: print verdict.json as JSON on stdout, and nothing else
+    - `source`: what a case file would say
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax diagnose case.toml --out result
+        frictionjax diagnose run1.csv run2.csv --holdout run3.csv \
+          --motor-constant 16 --out result
+        frictionjax diagnose case.toml --with gravity_pendulum --without ripple \
+          --out again
+        frictionjax diagnose case.toml --out result --check 20
+        frictionjax diagnose log.csv --columns t=Time u="Motor Current" x=Angle \
+          --unit t=ms x=deg --out result
+    """
     from frictionjax.report import reserved
     from frictionjax.report.save import verdict_json
 
-    with reserved(arguments.out):
-        if arguments.check is not None:
+    with reserved(out):
+        if check is not None:
             _require_stores()
-        case, asked = case_of(arguments), (arguments.known, arguments.without)
-        diagnosis, saved, lost = _diagnosed(
-            case, arguments.out, terminal, start=0.0, asked=asked, machines=arguments.check
-        )
-        if arguments.json:
+        case, asked = case_of(files, source), (known or [], without or [])
+        diagnosis, saved, lost = _diagnosed(case, out, terminal, start=0.0, asked=asked, machines=check)
+        if as_json:
             say_json(verdict_json(diagnosis))
         else:
             _say_result(diagnosis, saved)
@@ -39,60 +75,128 @@ def diagnose(arguments: "argparse.Namespace", terminal: Terminal) -> None:
             raise lost
 
 
-def demo(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax demo`."""
+def demo(
+    *,
+    out: Folder = Path("frictionjax-demo"),
+    seed: Number | None = None,
+    as_json: AsJson = False,
+    terminal: Screen,
+) -> None:
+    """Diagnose a simulated machine, then compare with the truth.
+
+    Write a case of a simulated machine, diagnose it, and print the true model beside the verdict.
+
+    **Arguments:**
+
+    - `out`: where the result and DIR/case go
+    - `seed`: seed of the machine's parameters and of all noise
+    - `as_json`: print the true model and verdict.json as JSON on stdout, and nothing else
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax demo
+        frictionjax demo --seed 7 --out other-demo
+    """
     from frictionjax.demo import write_demo_case
     from frictionjax.recordings import load_case
     from frictionjax.report import reserved, truth_lines
     from frictionjax.report.save import verdict_json
 
-    seed = {} if arguments.seed is None else {"seed": arguments.seed}
+    seeded: dict[str, Any] = {} if seed is None else {"seed": seed}
     part = 0.1  # writing the case takes about a tenth of the time
-    with reserved(arguments.out):
-        file = write_demo_case(arguments.out / "case", progress=terminal.part(0.0, part), **seed)
-        diagnosis, saved, lost = _diagnosed(load_case(file), arguments.out, terminal, start=part)
+    with reserved(out):
+        file = write_demo_case(out / "case", progress=terminal.part(0.0, part), **seeded)
+        diagnosis, saved, lost = _diagnosed(load_case(file), out, terminal, start=part)
         sealed = file.parent / "sealed" / "truth.json"
         truth = json.loads(sealed.read_text(encoding="utf-8"))
-        if arguments.json:
+        if as_json:
             say_json({"truth": truth, "diagnosis": verdict_json(diagnosis)})
         else:
             _say_result(diagnosis, saved)
         if lost is not None:
             raise lost
-    if not arguments.json:
+    if not as_json:
         say(["", f"True model ({sealed}), not used by the diagnosis:", *truth_lines(truth, diagnosis)])
 
 
-def paper(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax paper`."""
+def paper(
+    *,
+    out: Folder = Path("frictionjax-paper"),
+    real: Folder | None = None,
+    diagnose: bool = False,
+    quick: bool = False,
+    seed: Number = 0,
+    as_json: AsJson = False,
+    terminal: Screen,
+) -> None:
+    """The figures and tables of Hensen, van de Molengraft, Steinbuch (2002), reproduced.
+
+    Run every experiment of the paper on synthetic machines, in about two minutes: figures as PNG and SVG, and
+    tables.json with every number beside its reference value.
+
+    **Arguments:**
+
+    - `out`: where the figures and tables.json go
+    - `real`: a folder with MultisineTypeB.mat, a motor bench
+    - `diagnose`: also diagnose the twins whose friction is not LuGre: minutes more
+    - `quick`: fewer data and seeds: faster, with less accurate numbers
+    - `seed`: seed of all noise
+    - `as_json`: print tables.json as JSON on stdout, and nothing else
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax paper --out figures
+    """
     from frictionjax.paper.experiments import explain, motor_bench, reproduce
     from frictionjax.paper.figures import paper_lines, tables, write_paper
     from frictionjax.report.save import check_writable
 
-    check_writable(arguments.out)
+    check_writable(out)
     # First, so that a mistyped folder is reported before the long computation.
-    bench = None if arguments.real is None else motor_bench(arguments.real)
-    part = 0.35 if arguments.diagnose else 0.95
-    found = reproduce(quick=arguments.quick, seed=arguments.seed, progress=terminal.part(0.0, part))
-    explained = explain(seed=arguments.seed, progress=terminal.part(part, 0.95)) if arguments.diagnose else ()
-    files = write_paper(
-        found, arguments.out, explained=explained, bench=bench, progress=terminal.part(0.95, 1.0)
-    )
+    bench = None if real is None else motor_bench(real)
+    part = 0.35 if diagnose else 0.95
+    found = reproduce(quick=quick, seed=seed, progress=terminal.part(0.0, part))
+    explained = explain(seed=seed, progress=terminal.part(part, 0.95)) if diagnose else ()
+    files = write_paper(found, out, explained=explained, bench=bench, progress=terminal.part(0.95, 1.0))
     terminal.close()
-    if arguments.json:
+    if as_json:
         say_json(tables(found, explained, bench))
         return
     say(paper_lines(found, explained, bench))
     say(["", "Written:", *(f"  {file}" for file in files)])
 
 
-def warm(arguments: "argparse.Namespace", terminal: Terminal) -> None:
-    """`frictionjax warm`."""
+def warm(
+    *,
+    effect: Effects = None,
+    longest: Annotated[int, Parameter(metavar="SAMPLES")] = 16384,
+    as_json: AsJson = False,
+    terminal: Screen,
+) -> None:
+    """Compile what diagnoses need, so that later ones need not wait for it.
+
+    Compile and keep the programs of the base model, alone and with each effect of the catalogue: minutes, once for each
+    version and machine. What is there already is not made again.
+
+    **Arguments:**
+
+    - `effect`: only these effects (default: the whole catalogue)
+    - `longest`: samples of the longest recording to come
+    - `as_json`: print what was kept as JSON on stdout, and nothing else
+    - `terminal`: where progress is shown
+
+    **Examples:**
+
+        frictionjax warm
+        frictionjax warm --effect gravity_pendulum ripple delay
+    """
     from frictionjax.api import warm
 
-    found = warm(arguments.effect, longest=arguments.longest, progress=terminal.part(0.0, 1.0))
+    found = warm(effect, longest=longest, progress=terminal.part(0.0, 1.0))
     terminal.close()
-    if arguments.json:
+    if as_json:
         say_json(
             {
                 "structures": found.structures,

@@ -85,7 +85,7 @@ SOUND = {
     "__main__.py": "import sys\nfrom frictionjax.cli import main\nsys.exit(main())\n",
     "core/setup.py": "import jax\ndef configure_jax():\n    jax.config.update('jax_enable_x64', True)\n",
     "cli/__init__.py": "from frictionjax.cli.program import main as main\n",
-    "cli/program.py": "import argparse\ndef main():\n    from frictionjax.demo.plant import InputError\n",
+    "cli/program.py": "import cyclopts\ndef main():\n    from frictionjax.demo.plant import InputError\n",
 }
 
 PLANTED = {
@@ -143,7 +143,7 @@ PLANTED = {
         "def f():\n    import matplotlib.pyplot",
         "import of matplotlib.pyplot inside a function",
     ),
-    "argparse": ("report/a.py", "import argparse", "argparse is imported in cli/ only"),
+    "cyclopts": ("report/a.py", "import cyclopts", "cyclopts is imported in cli/ only"),
     "config set": (
         "api.py",
         "import jax\njax.config.update('jax_enable_x64', True)",

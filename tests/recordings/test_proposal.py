@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from frictionjax.cli.options import parser
+from frictionjax.cli.commands import program
 from frictionjax.core import FrictionjaxWarning, InputError
 from frictionjax.recordings import case_from_files, load_case
 
@@ -66,7 +66,8 @@ def test_the_error_has_one_option_for_all_roles(tmp_path, header, option, rest):
 def test_the_option_can_be_copied(tmp_path):
     header = "Zeit;motor current filt [A];enc 7 [deg];M2"
     option, _ = said(tmp_path, header)
-    columns = dict(parser().parse_args(["check", "run.csv", *shlex.split(option)]).columns)
+    _, bound, _ = program().parse_args(["check", "run.csv", *shlex.split(option)])
+    columns = dict(bound.arguments["source"].columns)
     assert columns == {"t": "Zeit", "u": "motor current filt [A]", "x": "enc 7 [deg]"}
     case = load(tmp_path, header, columns=columns)
     np.testing.assert_allclose(case.recordings[0].u, VALUES[1][: case.recordings[0].u.size], rtol=1e-8)

@@ -53,7 +53,7 @@ THROUGH_THE_FRONT_DOOR = ("core/front_door.py",)
 ONE_FILE_EACH = ("diffrax", "optimistix")
 ONLY_UNDER = {
     "matplotlib": ("report/", "paper/figures/"),
-    "argparse": ("cli/",),
+    "cyclopts": ("cli/",),
     "pandas": ("core/frames.py",),
     "xarray": ("core/frames.py",),
 }
