@@ -34,7 +34,7 @@ def _line(seed, missing, names, verdict="named", *, comparisons=None, left=None)
 def lines():
     """A right name, another name where that is left out, an adequate machine, and a line without tables."""
     delay = table(row((0.99, 0.99), effect="delay", exact=(True,)))
-    creep = table(row((0.93, 0.93), effect="creep", before=(0.1, 0.1)), misfits=(0.1, 0.1))
+    creep = table(row((0.93, 0.93), effect="creep"))
     away = _line(1, ["delay"], ["creep"], comparisons=_stored(creep))
     return [
         _line(1, ["delay"], ["delay"], comparisons=_stored(delay), left=away),

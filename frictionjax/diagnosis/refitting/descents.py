@@ -64,10 +64,14 @@ class RefitStart:
         """Whether the `candidates` and the best one before them leave anything."""
         return self.lowest(candidates) > self.rule.limits.adequate
 
+    def leaves_much(self, candidates: Sequence["CandidateDescent"]) -> bool:
+        """Whether the `candidates` and the best one before them leave much of the misfit, above the noise."""
+        budget = self.effort.refitting
+        return self.above_the_noise(candidates) and self.lowest(candidates) > budget.left * self.misfit
+
     def stuck(self, candidates: Sequence["CandidateDescent"]) -> bool:
         """Whether the `candidates` and the best one before them leave much of a misfit that is far from the noise."""
-        budget = self.effort.refitting
-        return self.lowest(candidates) > budget.left * self.misfit and self.misfit > budget.far
+        return self.leaves_much(candidates) and self.misfit > self.effort.refitting.far
 
     def extended(self, trial: Trial) -> tuple[Posterior, Vector]:
         """Objective and vector of the model with the silent effect of the `trial`."""

@@ -76,10 +76,10 @@ def refit_all(
     observer, and those that come near the best of them with the slow one.
 
     A base model with something missing may have come to rest far from the truth, and a candidate that starts there may
-    look refuted. Where the best leaves most of the misfit of the base model, they are fitted again from where its fit
-    started, with as much of the effect as its test promised, or as the resonance shows; and so are the absorbed ones,
-    from a plain size and the base parameters that undo most of it, and those that the force balance asks for, from it.
-    What was refitted before starts from there, too.
+    look refuted. Where the best leaves much of the misfit of the base model, the absorbed ones are fitted from a plain
+    size and the base parameters that undo most of it; and, where that is far from the noise, all from where its fit
+    started, with as much of the effect as its test promised, or as the resonance shows, and those that the force
+    balance asks for, from it. What was refitted before starts from there, too.
 
     **Arguments:**
 
@@ -171,16 +171,19 @@ def _from_other_starts(
     executor: Executor,
 ) -> list[CandidateDescent]:
     """The `candidates`, where none reaches the noise fitted again with a Stribeck peak; where all leave much of the
-    misfit also from where the base fit started, and, where that does not help either, a load behind a gap."""
+    misfit also those that the base parameters can undo; and where it is far from the noise from where the base fit
+    started, and, where that does not help either, a load behind a gap."""
     if start.above_the_noise(candidates):
         candidates = _foremost(candidates, start, start.effort.refitting.near)
         candidates = list(executor.map(lambda one: with_a_peak(start, one), candidates))
     # A model that has effects already has left the minimum that the base model came to rest in.
-    if start.stuck(candidates) and not start.has_found:
+    first, absorbed = not start.has_found, list[CandidateDescent]()
+    if first and start.leaves_much(candidates):
+        absorbed = list(executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed))
+    if first and start.stuck([*candidates, *absorbed]):
         candidates = list(executor.map(lambda one: at_the_resonance(start, one), candidates))
-        absorbed = executor.map(lambda trial: along_the_minimum(start, trial), hints.absorbed)
-        balanced = executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced())
-        candidates = candidates + list(absorbed) + list(balanced)
+        candidates += executor.map(lambda pair: from_the_balance(start, *pair), hints.balanced())
+    candidates = candidates + absorbed
     if start.stuck(candidates):
         gaps = backlash_candidates(trials)
         if start.ratio is not None:

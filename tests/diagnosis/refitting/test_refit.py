@@ -281,6 +281,27 @@ def test_a_peak_is_tried_wherever_something_is_left(monkeypatch, left, tried):
 
 @pytest.mark.untyped
 @pytest.mark.parametrize(
+    ("misfit", "left", "expected"),
+    [(0.06, 0.03, (True, False)), (0.06, 0.01, (False, False)), (0.2, 0.1, (True, True))],
+)
+def test_what_the_base_absorbs_is_tried_wherever_much_is_left(monkeypatch, misfit, left, expected):
+    """Friction that grows with the load may be a quarter more inertia, next to which little is missing at all. Only far
+    from the noise all candidates begin again."""
+    absorbed, again, end = [], [], _Ended("A", left)
+    monkeypatch.setattr(refit, "with_a_peak", lambda start, one: one)
+    monkeypatch.setattr(
+        refit, "along_the_minimum", lambda start, one: absorbed.append(one) or _Ended("B", left)
+    )
+    monkeypatch.setattr(refit, "at_the_resonance", lambda start, one: again.append(one) or one)
+    hints = Hints(absorbed=("of the base",))
+    with ThreadPoolExecutor(1) as executor:
+        found = refit._from_other_starts([end], [], _start_at(np.inf, misfit), hints, executor)
+    assert (bool(absorbed), bool(again)) == expected
+    assert len(found) == 1 + len(absorbed) and again in ([], [end])
+
+
+@pytest.mark.untyped
+@pytest.mark.parametrize(
     ("best", "peak", "stay"),
     [(np.inf, 0.5, ["A", "B", "C", "D"]), (np.inf, 0.0, ["A", "B", "C", "D"]), (0.0, 0.5, ["A", "B", "C"])],
 )
