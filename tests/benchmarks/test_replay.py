@@ -34,7 +34,7 @@ def _line(seed, missing, names, verdict="named", *, comparisons=None, left=None)
 def lines():
     """A right name, another name where that is left out, an adequate machine, and a line without tables."""
     delay = table(row((0.99, 0.99), effect="delay", exact=(True,)))
-    creep = table(row((0.93, 0.93), effect="creep"))
+    creep = table(row((0.93, 0.93), effect="creep", before=(0.1, 0.1)), misfits=(0.1, 0.1))
     away = _line(1, ["delay"], ["creep"], comparisons=_stored(creep))
     return [
         _line(1, ["delay"], ["delay"], comparisons=_stored(delay), left=away),
@@ -65,9 +65,9 @@ def test_a_machine_counts_once_by_the_line_that_has_tables(lines):
 
 
 def test_another_rule_says_something_else(lines):
-    found = replay.score(lines, replay.rule_of({"limits": {"one": 0.05}}))
+    found = replay.score(lines, replay.rule_of({"accept": {"least_share": 0.95}}))
     assert found.counts["left out"] == {"unknown": 1}
-    assert found.others == ["left out, delay (1): unknown creep, was named creep"]
+    assert found.others == ["left out, delay (1): unknown, was named creep"]
     found = replay.score(lines, replay.rule_of({"floor.colour": 3.0}))
     assert found.counts["one effect"] == {"off the path": 1, "no table": 1}
 
