@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import frictionjax
+from frictionjax.core import setup
 from frictionjax.core.setup import _with_our_flags
 
 
@@ -60,7 +61,8 @@ def test_called_twice_it_is_silent():
 def test_flags_of_the_user_stay():
     mine = (
         "--xla_cpu_prefer_vector_width=256 "
-        "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=false,other=1 --xla_dump_to=there"
+        "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=false,other=1 --xla_dump_to=there "
+        "--xla_cpu_use_fusion_emitters=true"
     )
     words = _with_our_flags(mine).split()
     assert "--xla_cpu_prefer_vector_width=256" in words
@@ -69,7 +71,14 @@ def test_flags_of_the_user_stay():
     assert "xla_cpu_use_multi_output_fusion=false" in options
     assert "other=1" in options
     assert len(options) == 4
-    assert len(words) == 3
+    assert "--xla_cpu_use_fusion_emitters=true" in words
+    assert len(words) == 4
+
+
+@pytest.mark.parametrize(("jaxlib", "older"), [("0.10.2", True), ("0.11.0", False), ("1.0.0.dev1", False)])
+def test_no_flag_is_given_that_a_later_version_does_not_know(monkeypatch, jaxlib, older):
+    monkeypatch.setattr(setup, "version", lambda name: jaxlib)
+    assert ("--xla_cpu_use_fusion_emitters=false" in _with_our_flags("").split()) == older
 
 
 def test_our_flags_are_not_added_twice():
