@@ -4,7 +4,7 @@ import functools
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from frictionjax.core import InputError
 
@@ -47,7 +47,11 @@ def gaussian_noise(
 
 @functools.partial(jax.jit, static_argnames="n")
 def _filtered(
-    key: PRNGKeyArray, rms: float | Float[Array, ""], first: int, last: int, n: int
+    key: PRNGKeyArray,
+    rms: float | Float[Array, ""],
+    first: int | Int[Array, ""],
+    last: int | Int[Array, ""],
+    n: int,
 ) -> Float[Array, " n"]:
     """Noise on the lines from the `first` to the `last`."""
     line = jnp.arange(n // 2 + 1)

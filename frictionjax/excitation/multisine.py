@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from frictionjax.core import InputError
+from frictionjax.core.arrays import Numbers
 
 
 def multisine(
@@ -60,7 +61,7 @@ def multisine(
 
 @functools.partial(jax.jit, static_argnames="n")
 def _sines(
-    key: PRNGKeyArray, lines: Int[np.ndarray, " f"], rms: float | Float[Array, ""], n: int
+    key: PRNGKeyArray, lines: Int[Numbers, " f"], rms: float | Float[Array, ""], n: int
 ) -> Float[Array, " n"]:
     """Sines of equal amplitude on the `lines`."""
     phase = jax.random.uniform(key, lines.shape, minval=-jnp.pi, maxval=jnp.pi)
