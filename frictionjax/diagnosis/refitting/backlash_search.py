@@ -102,7 +102,7 @@ def search_backlash(
         found, cost = _best(posterior, [found, *finer], rows, scale)
         if turn == 0:
             rigid = misfit_of(posterior.powers([vector])[0], rows, posterior.batch, scale)
-            at_noise = float(block_misfits(np.ones(()), 1.0, scale))
+            at_noise = float(block_misfits(np.ones(1), 1.0, scale)[0])
             if cost > rigid - own.least_gain * (rigid - at_noise):
                 return None
     return found
