@@ -143,14 +143,14 @@ def descend(
                 there, evaluations = _brought_down(posterior, there, evaluations, scale, 4, 0.05)
     first = _place(graduated(posterior, 1.0), there, evaluations, tolerance)
     end, ending, _ = _STEPPER.descend(first, steps)
-    other = _from_rest(end) if steps else None
+    other = _unbent(end) if steps else None
     if other is not None:
         end, ending, _ = _STEPPER.descend(other, steps)
     misfit = misfit_of(np.asarray(end.near.powers[0]), np.asarray(posterior.fitted[0]), posterior.batch)
     return RobustFit(end.vector, end.near, misfit, ending)
 
 
-def _from_rest(end: _RobustPlace) -> _RobustPlace | None:
+def _unbent(end: _RobustPlace) -> _RobustPlace | None:
     """The `end` with the bristles of held-out recordings unbent in the beginning where that leaves less; None where it
     does nowhere. While the parameters were others such a deflection may have gone so far astray that no small step of
     it leads back: in stick each deflection but the true one is as bad as the next."""
@@ -158,10 +158,10 @@ def _from_rest(end: _RobustPlace) -> _RobustPlace | None:
     if np.all(fitted):
         return None
     held_out = np.flatnonzero(~fitted)
-    unbent = changed(end.vector, posterior.parameters + held_out, 0.0)
+    there = changed(end.vector, posterior.parameters + held_out, 0.0)
     now, then = (
         np.sum(losses_of(power, posterior.batch), axis=1)[held_out]
-        for power in (np.asarray(end.near.powers[0]), posterior.powers([unbent])[0])
+        for power in (np.asarray(end.near.powers[0]), posterior.powers([there])[0])
     )
     better = held_out[then < now - _A_NAT]
     if not better.size:

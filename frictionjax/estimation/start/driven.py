@@ -126,9 +126,9 @@ _EXPLAINED = 0.1
 """Part of the force that sliding may leave unexplained and still be credible where all recordings seem to stay in
 stick: large moves have a "stiffness", too, so low that they seem to be the bending of bristles."""
 _BOTTOM = 3.0
-"""Lowest frequency of the FRF of a recording in stick, Hz: below it drift is mistaken for compliance."""
+"""Lowest frequency of the response of a recording in stick that is fitted, Hz."""
 _STIFF_UP_TO = 2.0
-"""Times the lowest frequency: below it the force of the bristles must be larger than that of the inertia."""
+"""Times that frequency, up to which the force of the bristles must be larger than that of the inertia."""
 _DEFLECTIONS = 10.0
 """How many bristle deflections a machine may move before it must have slid."""
 

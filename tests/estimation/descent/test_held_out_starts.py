@@ -32,7 +32,7 @@ def test_a_deflection_that_went_astray_comes_back(astray, monkeypatch):
     found = robust.descend(*astray, graduate=False)
     assert abs(found.vector[-1]) < 0.01 and _left(found) < 1.5
     with monkeypatch.context() as patched:
-        patched.setattr(robust, "_from_rest", lambda end: None)
+        patched.setattr(robust, "_unbent", lambda end: None)
         alone = robust.descend(*astray, graduate=False)
     assert _left(alone) > 10.0
     # It determines no parameter.
@@ -43,8 +43,8 @@ def test_a_deflection_that_went_astray_comes_back(astray, monkeypatch):
 def test_one_that_is_right_is_not_descended_to_again(astray, monkeypatch):
     posterior, vector = astray
     right = robust.descend(posterior, changed(vector, -1, 0.0), graduate=False)
-    found, _from_rest = [], robust._from_rest
-    monkeypatch.setattr(robust, "_from_rest", lambda end: found.append(_from_rest(end)) or found[-1])
+    found, _unbent = [], robust._unbent
+    monkeypatch.setattr(robust, "_unbent", lambda end: found.append(_unbent(end)) or found[-1])
     robust.descend(posterior, right.vector, graduate=False)
     robust.descend(posterior, right.vector, graduate=False, steps=0)
     assert found == [None]
