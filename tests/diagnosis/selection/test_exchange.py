@@ -40,6 +40,8 @@ def test_what_is_confused_with_an_effect():
     """Whichever of the two says so; and an effect is its own twin, for its other forms."""
     assert "constant_load" in confused_with("gravity_pendulum")
     assert "gravity_pendulum" in confused_with("constant_load")
+    # A wave that is longer than the stroke bends to any force of the position.
+    assert confused_with("ripple") >= {"constant_load", "return_spring", "gravity_pendulum"}
     for name in catalogue():
         assert name in confused_with(name)
         assert all(name in confused_with(other) for other in confused_with(name))
