@@ -71,10 +71,16 @@ def force_balance(
     trials = [tuple(smooth_motion(r, constant, seconds) for r in recordings) for seconds in WINDOWS]
     plain = [fit_sliding(motions, inertia=inertia) for motions in trials]
     best = min(range(len(trials)), key=lambda number: (not plain[number].credible, plain[number].unexplained))
+    # Without a force of the catalogue: of each smoothing, without and with a constant force.
+    before = {
+        number: (fit_sliding(trials[number], inertia=inertia, offset=False), plain[number])
+        for number in (best, 0)
+    }
     found = []
     for form in linear_forces(without, turn):
-        for motions in (trials[number] for number in dict.fromkeys((best, 0))):
-            balance = _balance(form, friction, motions, inertia)
+        for number, fits in before.items():
+            motions = trials[number]
+            balance = _balance(form, friction, motions, inertia, *fits)
             if balance is None:
                 continue
             sizes, after = balance
@@ -91,22 +97,23 @@ def _balance(
     friction: LuGre,
     motions: tuple[SlidingMotion, ...],
     inertia: float | None,
+    none: SlidingFit,
+    constant: SlidingFit,
 ) -> tuple[tuple[float, ...], SlidingFit] | None:
     """Strengths of the `form` along the `motions`, and the fit with it, where it explains much more than the same fit
-    without it; else None. `friction` gives scales, `inertia` as in `force_balance`.
+    without it: with `none`, or with a `constant` force; else None. `friction` gives scales, `inertia` as in
+    `force_balance`.
 
     A constant force is compared with none. Any other force is it beside one, and, where that says little, alone if it
     explains more than a constant one: a pendulum that swings a little has a torque that is nearly constant.
     """
     columns = [_forces(form, friction, motion) for motion in motions]
-    none, constant = (fit_sliding(motions, inertia=inertia, offset=offset) for offset in (False, True))
     if np.all(np.ptp(np.concatenate(columns), axis=0) == 0.0):
         return ((constant.offset,), constant) if _much_clearer(constant, none) else None
-    beside, alone = (
-        fit_sliding(motions, inertia=inertia, beside=columns, offset=offset) for offset in (True, False)
-    )
+    beside = fit_sliding(motions, inertia=inertia, beside=columns)
     if _much_clearer(beside, constant):
         return beside.beside, beside
+    alone = fit_sliding(motions, inertia=inertia, beside=columns, offset=False)
     if _much_clearer(alone, none) and alone.unexplained < constant.unexplained:
         return alone.beside, alone
     return None

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import scipy
 from helpers_estimation import FINE, PLANT, RATE, VOLT, open_loop, stick_noise
 
 from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.descent import robust
+from frictionjax.estimation.objective.misfit import losses_of
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.parameters import changed
 
@@ -48,3 +50,20 @@ def test_one_that_is_right_is_not_descended_to_again(astray, monkeypatch):
     robust.descend(posterior, right.vector, graduate=False)
     robust.descend(posterior, right.vector, graduate=False, steps=0)
     assert found == [None]
+
+
+@pytest.mark.untyped
+@pytest.mark.parametrize(("nats", "again"), [(0.8, False), (1.3, True)])
+def test_less_than_a_nat_is_no_reason_to_descend_again(astray, nats, again):
+    """What the bend of a true model costs grows with its square."""
+    posterior, vector = astray
+    right = changed(vector, -1, 0.0)
+
+    def left(bend):
+        power = np.asarray(posterior.powers([changed(right, -1, bend)])[0])
+        return float(np.sum(losses_of(power, posterior.batch), axis=1)[1])
+
+    bend = scipy.optimize.brentq(lambda one: left(one) - left(0.0) - nats, 1e-6, 0.1)
+    there = changed(right, -1, bend)
+    end = robust._place(posterior, there, posterior.evaluated(there), 2e-3)
+    assert (robust._unbent(end) is not None) == again
