@@ -10,6 +10,7 @@ import dataclasses
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 
 from frictionjax.core.arrays import Numbers
@@ -109,6 +110,10 @@ def schedule_of(
     Where friction falls with velocity noise grows in the motion, and the filter corrects more; in stick the bristles
     hold the machine, and it corrects less. Constant gains are too slow for the one, or so fast that they hide what acts
     longer than a tenth of a second. The filter recovers where the machine, from which something is missing, loses it.
+
+    Near break-away the filter takes the machine for sliding or for stuck by the sign of each estimated velocity, and
+    its gains jump with the noise that they weigh. The observer, which corrects no slipping bristle, would drift away:
+    what is weighed more when it points forward adds up. It takes the means of the gains over twice its memory.
     """
     batch, drive, slow = posterior.batch, posterior.drive_of(vector), np.asarray(pace) < 1.0
     if not isinstance(batch, Batch) or not np.any(slow):
@@ -120,13 +125,27 @@ def schedule_of(
     found, _ = filtered_in_pieces(drive, z0, batch, ratio, known, batch.substeps, recovers=True)
     gains, unit = np.asarray(found.gain), np.asarray(found.deviation) / noise[:, None]
     finite = np.all(np.isfinite(gains[..., :2]), axis=(1, 2)) & np.all(np.isfinite(unit), axis=1)
+    bandwidth = free_mass_bandwidth(drive, batch, rule)
+    memory = 1.0 / (2.0 * np.pi * np.clip(bandwidth, _LEAST_BANDWIDTH, SLOW_BANDWIDTH))
+    position, velocity, unit = (_averaged(own, batch, memory) for own in (gains[..., 0], gains[..., 1], unit))
     return Schedule(
-        ObserverGains(gains[..., 0], gains[..., 1]),
+        ObserverGains(position, velocity),
         unit,
-        free_mass_bandwidth(drive, batch, rule),
+        bandwidth,
         finite & slow,
         SLOW_BANDWIDTH,
     )
+
+
+def _averaged(
+    values: Float[np.ndarray, "r n"], batch: Batch, memory: Float[np.ndarray, " r"]
+) -> Float[np.ndarray, "r n"]:
+    """The means of the `values` over twice the `memory`, s, about each sample of the recordings of the `batch`."""
+    means = np.array(values)
+    for row, (length, dt) in enumerate(zip(batch.lengths, np.asarray(batch.dt), strict=True)):
+        width = max(round(2.0 * float(memory[row] / dt)), 1)
+        means[row, :length] = scipy.ndimage.uniform_filter1d(values[row, :length], width, mode="nearest")
+    return means
 
 
 def at_pace(posterior: Posterior, pace: Float[Numbers, " r"], schedule: Schedule | None) -> Posterior:

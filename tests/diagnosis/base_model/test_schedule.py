@@ -83,6 +83,20 @@ def test_it_shows_a_fall_of_friction_that_constant_gains_hide(batch):
     assert shown > 3.0 * hidden
 
 
+def test_a_true_model_stays_with_a_machine_that_is_held_near_break_away():
+    """There a filter's gains jump with the noise: an observer with these is led away, to a mean power of 100."""
+    t, friction = np.arange(8000) / 2000.0, STEEP.friction
+    held = float(0.95 * friction.Fs / STEEP.motor_constant)
+    hold = open_loop(
+        "hold", np.interp(t, [0.3, 1.0], [0.0, held]), seed=2, drive=STEEP, noise=COARSE, substeps=4
+    )
+    batch = make_batch((hold,), encoder_step=FINE).with_substeps(4)
+    posterior, vector = _observed(STEEP, batch)
+    assert posterior.recordings.schedule.used.all()
+    power = posterior.powers([vector])[0][np.asarray(batch.block_count) > 0]
+    assert np.mean(power) < 2.0 and np.max(power) < 8.0
+
+
 def test_the_gains_follow_the_machine(batch):
     """More where friction falls and noise grows, less where the bristles hold the machine."""
     posterior, _ = _observed(STEEP, batch)
@@ -130,7 +144,7 @@ def test_gains_of_a_wrong_machine_make_way_for_those_of_the_model(batch):
         again = at_the_pace_of(condemned, condemned, remains=True)
         assert again is not None
         left = condemned.judgement.misfits(unit)[0]
-        assert left > 2.0 * Rule().limits.adequate
+        assert left > Rule().limits.adequate
         assert again.judgement.misfits(unit)[0] < 0.1 * left
 
 
@@ -147,7 +161,7 @@ def test_gains_that_hide_what_a_model_misses_make_way_as_well():
         again = at_the_pace_of(hidden, hidden, remains=remains)
         assert again is not None
         # Converged: what is left is no matter of parameters.
-        assert again.judgement.misfits(unit)[0] > 10.0 * Rule().limits.adequate
+        assert again.judgement.misfits(unit)[0] > 5.0 * Rule().limits.adequate
 
 
 def _asked(drive, batch, monkeypatch, ends_at=None):
