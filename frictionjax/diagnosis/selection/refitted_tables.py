@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
 from frictionjax.diagnosis.base_model.credibility import made_credible
 from frictionjax.diagnosis.effort import Effort
@@ -31,7 +32,7 @@ from frictionjax.diagnosis.selection.stored_tables import (
     asked_of_whole,
 )
 from frictionjax.diagnosis.table import ComparisonTable, Lead, ModelComparison, table_of_one
-from frictionjax.estimation.descent.robust import RobustFit, descend
+from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import extend
 from frictionjax.physics.effects import AbstractEffect
@@ -293,20 +294,58 @@ def with_some(base: Model, full: Model, places: Sequence[int], scales: dict[str,
     - `places`: which of them stay.
     - `scales`: the plant's own sizes by name.
 
-    It starts once with the other parameters of `full` and once with those of `base`, and the better end is returned.
+    It starts once with the other parameters of `full` (as they follow the strengths that go to zero, where that leaves
+    less) and once with those of `base`, and the better end is returned.
     """
     effects = full.posterior.drive_of(full.fitted.vector).effects[len(base.posterior.drive.effects) :]
-    count, deflections = len(base.posterior.layout), full.fitted.vector[len(full.posterior.layout) :]
+    count = len(base.posterior.layout)
     # The same weights as in `full`: recordings may have been eased since, and what is chaotic left out.
     own = full.posterior
     empty = eqx.tree_at(lambda j: (j.evidence, j.weights), base.posterior, (own.evidence, own.weights))
-    ends: list[tuple[Posterior, RobustFit]] = []
-    for vector in (np.concatenate([full.fitted.vector[:count], deflections]), base.fitted.vector):
+
+    def with_kept(vector: Float[np.ndarray, " q"]) -> tuple[Posterior, Float[np.ndarray, " q"]]:
         posterior = empty
         for place in places:
             posterior, vector = extend(posterior, vector, effects[place], scales)
-        ends.append((posterior, descend(posterior, vector, graduate=False)))
+        return posterior, vector
+
+    def of_full(vector: Float[np.ndarray, " q"]) -> tuple[Posterior, Float[np.ndarray, " q"]]:
+        return with_kept(np.concatenate([vector[:count], vector[len(own.layout) :]]))
+
+    gone = [len(base.posterior.drive.effects) + k for k in range(len(effects)) if k not in places]
+    starts = [of_full(vector) for vector in (full.fitted.vector, silenced(full, gone))]
+    misfits = starts[0][0].misfits([vector for _, vector in starts])
+    starts = [starts[int(np.nanargmin(misfits))], with_kept(base.fitted.vector)]
+    ends = [(posterior, descend(posterior, vector, graduate=False)) for posterior, vector in starts]
     posterior, fitted = min(ends, key=lambda end: end[1].misfit)
+    return Model(posterior, fitted, judge(posterior, fitted))
+
+
+def silenced(full: Model, gone: Sequence[int]) -> Float[np.ndarray, " q"]:
+    """Where the cost near the end of the `full` model is least once the strengths of the effects at the places `gone`
+    are zero: an inertia that made up for one goes back with it.
+
+    Of the quadratic cost (1/2) d' H d with d = -s for the strengths s that go, the others follow by H_oo^-1 H_os s.
+    """
+    layout, vector = full.posterior.layout, np.array(full.fitted.vector)
+    own = np.array([free.path.startswith(tuple(f"effects.{place}." for place in gone)) for free in layout])
+    linear = np.array([free.parameter.transform == "linear" for free in layout])
+    going, others = np.flatnonzero(own & linear), np.delete(np.arange(vector.size), np.flatnonzero(own))
+    hessian = np.asarray(full.fitted.near.hessian)
+    pull = hessian[np.ix_(others, going)] @ vector[going]
+    vector[others] += np.linalg.lstsq(hessian[np.ix_(others, others)], pull, rcond=1e-12)[0]
+    vector[going] = 0.0
+    return vector
+
+
+def lower_base(full: Model, base: Model, rule: Rule) -> Model | None:
+    """The `base` model converged from where the `full` one ended, without the effects of that; None where it ends no
+    lower by what the `rule` calls significant."""
+    posterior = base.posterior
+    there = with_some(base, full, (), {}).fitted.vector
+    if posterior.misfits([there])[0] >= base.fitted.misfit - rule.limits.adequate:
+        return None
+    fitted = descend(posterior, there, graduate=False)
     return Model(posterior, fitted, judge(posterior, fitted))
 
 

@@ -16,7 +16,7 @@ from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.resonance import resonance_pair
 from frictionjax.diagnosis.selection.answers import Answers
 from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
-from frictionjax.diagnosis.selection.refitted_tables import RefittedTables
+from frictionjax.diagnosis.selection.refitted_tables import RefittedTables, lower_base
 from frictionjax.diagnosis.selection.search import Decision, decide
 from frictionjax.diagnosis.selection.step import Step
 from frictionjax.diagnosis.table import ComparisonTable
@@ -72,34 +72,51 @@ def select(
     they are wrong for the machine, and such gains may as well hide what is left. If the model that was found misses
     more with its own gains, or less although something is left, the selection is made once more with those, and its
     refits start from there, too; the tables of the first one follow those of the second.
+
+    A base fit may have come to rest in a side valley, out of which any effect leads. If the base model ends lower from
+    where a model with an effect ended, the selection is made once more with that base model.
     """
 
     def selected(base: Model, before: tuple[Refitted, ...] = ()) -> Selection:
         known = (without, barred, stick_inertia, balanced, carried, turn, before)
         return _selected(base, executor, progress, *known, rule, effort)
 
-    found = selected(model)
-    again = _at_the_pace_of(found, model, rule)
-    if again is None:
-        return found
-    repeated = selected(again, tuple(refit for step in found.steps for refit in step.refits))
-    return dataclasses.replace(repeated, tables=(*repeated.tables, *_of_first_gains(found.tables)))
+    found, base = selected(model), model
+    for another in (_from_lower_base, _at_the_pace_of):
+        again = another(found, base, rule)
+        if again is not None:
+            base, before = again, found
+            found = selected(base, tuple(refit for step in before.steps for refit in step.refits))
+            found = dataclasses.replace(found, tables=(*found.tables, *of_another_base(before.tables)))
+    return found
 
 
-def _of_first_gains(tables: tuple[ComparisonTable, ...]) -> Iterator[ComparisonTable]:
-    """The `tables` of a selection that was made again with other gains, under names that no search asks for."""
+def of_another_base(tables: tuple[ComparisonTable, ...]) -> Iterator[ComparisonTable]:
+    """The `tables` of a selection that was made again with another base model, under names that no search asks for."""
     for table in tables:
-        yield dataclasses.replace(table, key=f"first {table.key}", asked=("first gains", *table.asked))
+        yield dataclasses.replace(table, key=f"first {table.key}", asked=("another base", *table.asked))
+
+
+def _best_of(found: Selection) -> Model | None:
+    """What was `found`, or, where nothing was accepted, the candidate that explains most; None where nothing was
+    accepted and nothing is left."""
+    accepted = [step.accepted for step in found.steps if step.accepted is not None]
+    best = accepted[-1:] or (found.steps[0].refits[:1] if found.decision.remains else [])
+    return best[0].model if best else None
+
+
+def _from_lower_base(found: Selection, base: Model, rule: Rule) -> Model | None:
+    """The `base` model, where it ends lower from what was `found`; else None."""
+    best = _best_of(found)
+    return None if best is None else lower_base(best, base, rule)
 
 
 def _at_the_pace_of(found: Selection, base: Model, rule: Rule) -> Model | None:
-    """The `base` model observed as what was `found` asks for, or, where nothing was accepted, as the candidate does
-    that explains most; None where nothing was accepted and nothing is left, or where nothing changes."""
-    accepted = [step.accepted for step in found.steps if step.accepted is not None]
-    best = accepted[-1:] or (found.steps[0].refits[:1] if found.decision.remains else [])
-    if not best or not is_coarse(base.posterior):
+    """The `base` model observed as what was `found` asks for; None where nothing changes."""
+    best = _best_of(found)
+    if best is None or not is_coarse(base.posterior):
         return None
-    return at_the_pace_of(best[0].model, base, remains=found.decision.remains, rule=rule)
+    return at_the_pace_of(best, base, remains=found.decision.remains, rule=rule)
 
 
 def _selected(
