@@ -4,13 +4,17 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers_estimation import PLANT, base_fit, closed_loop, moves, truth
+from helpers_estimation import FINE, PLANT, VOLT, base_fit, closed_loop, moves, truth
 
 from frictionjax.diagnosis.base_model.fit_base import reported_parameters
-from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
+from frictionjax.diagnosis.base_model.likeliest import likeliest_parameters, said_of_the_sensor
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
+from frictionjax.diagnosis.evidence.pace import at_pace, pace_of
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.data.batch import make_batch
 from frictionjax.estimation.objective.robust import robust_posterior
+from frictionjax.recordings import Recording
+from frictionjax.simulation import simulate
 
 NOISE = 2e-5
 """Of the sensor, rad: a tenth of the friction more would hide below it in the usual observer."""
@@ -60,3 +64,19 @@ def test_its_parameters_are_those_of_the_machine(base):
             assert abs(estimate.value - value) < 4.0 * estimate.stderr, (name, estimate, value)
     assert all(found[name].identified for name in ("J", "Fc", "Fs", "vs"))
     assert found["vs"].value == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_its_parameters_are_without_the_error_of_the_integration(seed):
+    """At 500 Hz, where two steps a sample put sigma1 four standard errors off in each of these recordings."""
+    rate = 500.0
+    t = np.arange(2500) / rate
+    u = VOLT * (1.6 * np.sin(2.0 * np.pi * 1.3 * t) + 0.4 * np.sin(2.0 * np.pi * 7.0 * t))
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal(t.size)
+    x = np.asarray(simulate(PLANT, u, rate, substeps=16).x) + noise
+    batch, held_out = make_batch((Recording("pushes", rate, u, x),), encoder_step=FINE), np.array([False])
+    pace = pace_of(PLANT, batch, held_out)
+    posterior, vector = robust_posterior(PLANT, batch, held_out, pace=pace)
+    found = likeliest_parameters(at_pace(posterior, pace, None), vector, UNITS)
+    for name, value in truth(PLANT).items():
+        assert abs(found[name].value - value) < 4.0 * found[name].stderr, (name, found[name], value)
