@@ -294,7 +294,8 @@ def _around(state: FitState) -> Float[np.ndarray, "*d r k"] | None:
         return None
     noise = state.noise
     ratios = np.asarray(noise.best)[..., None] * _AROUND
-    present = (np.asarray(noise.push) / np.asarray(noise.position))[..., None]
+    with np.errstate(invalid="ignore"):  # a filter that diverged has no finite noise, and no ratio
+        present = (np.asarray(noise.push) / np.asarray(noise.position))[..., None]
     # What the parameters were found with is tried again, or the next round might cost more; where it is among the
     # others, the largest is there twice in its place, as neighbours that coincide have no parabola.
     among = np.any(np.isclose(present, ratios), axis=-1, keepdims=True)
