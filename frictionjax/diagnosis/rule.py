@@ -166,10 +166,10 @@ class CredibilityRule:
       `benchmarks.conditions`.
     - `least_clusters`: clusters below which there is no standard error. Larger: short recordings are not credible by
       their lead; smaller: two clusters decide. By hand.
-    - `driven`: part by which the last model's error on held-out recordings must rise when its input is set to zero.
-      Larger: machines that mostly swing or coast freely are not diagnosed; smaller: an input that has nothing to do
-      with the motion is. By hand: without its input the demo's error is 42 times as large, and that of a sine beside an
-      unrelated square wave is the same.
+    - `driven`: part by which the last model's typical error on held-out recordings must rise when its input is set to
+      zero. Larger: machines that mostly swing or coast freely are not diagnosed; smaller: an input that has nothing to
+      do with the motion is. By hand: without its input the demo's error is 45 times as large, and that of a sine beside
+      an unrelated square wave is the same.
     """
 
     energy: float = 0.5

@@ -34,16 +34,25 @@ def lead_ahead(
 
     **Arguments:** `before`, `after`, of `held_out_ahead`, in recordings of `dt` s a sample.
     """
-    gains = []
-    for one, other, step in zip(before, after, dt, strict=True):
+    old, new = (_logarithms(errors, dt) for errors in (before, after))
+    return paired_lead(np.nan_to_num(old - new))
+
+
+def typical_error(errors: Float[np.ndarray, "h n"], dt: Float[np.ndarray, " h"]) -> float:
+    """Geometric mean over clusters of 0.5 s of the root mean square of the `errors`, in recordings of `dt` s a sample,
+    as far as they are not NaN: one break-away that comes a moment too late does not outweigh all else."""
+    return float(np.exp(np.nanmean(_logarithms(errors, dt))))
+
+
+def _logarithms(errors: Float[np.ndarray, "h n"], dt: Float[np.ndarray, " h"]) -> Float[np.ndarray, " c"]:
+    """Logarithm of the root mean square of the `errors` in each cluster of 0.5 s, NaN where all of them are."""
+    found = []
+    for own, step in zip(errors, dt, strict=True):
         length = max(round(CLUSTER * BLOCK / float(step)), 1)
-        for start in range(0, one.size, length):
-            old, new = (_mean_square(errors[start : start + length]) for errors in (one, other))
-            gains.append(0.5 * np.log(old / new))
-    return paired_lead(np.asarray(gains))
-
-
-def _mean_square(errors: Float[np.ndarray, " n"]) -> float:
-    there = errors[~np.isnan(errors)]
-    with np.errstate(over="ignore"):
-        return float(np.clip(np.mean(there**2), _LEAST, _MOST)) if there.size else 1.0
+        for start in range(0, own.size, length):
+            there = own[start : start + length]
+            there = there[~np.isnan(there)]
+            with np.errstate(over="ignore"):
+                square = np.clip(np.mean(there**2), _LEAST, _MOST) if there.size else np.nan
+            found.append(0.5 * np.log(square))
+    return np.array(found)

@@ -6,10 +6,10 @@ import math
 import equinox as eqx
 import numpy as np
 
-from frictionjax.diagnosis.evidence.ahead import held_out_ahead
+from frictionjax.diagnosis.evidence.ahead import held_out_ahead, typical_error
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.views import View, held_out_error, root_mean_square
+from frictionjax.diagnosis.evidence.views import View, errors_ahead
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.table import OtherDecision
 
@@ -37,13 +37,16 @@ def with_and_without_input(model: Model, predicted: View, scene: Scene) -> Other
     - `model`: the last model of a diagnosis.
     - `predicted`: what it predicts for the recordings of the `scene`.
 
-    **Returns:** both errors, over the noise; that without input is infinite under an imposed motion, which has none.
+    **Returns:** both errors 0.1 s ahead (`typical_error`), over the noise; that without input is infinite under an
+    imposed motion, which has none.
     """
-    error = held_out_error(predicted, scene)
+    dt = np.asarray(scene.batch.dt)
+    error = typical_error(errors_ahead(predicted, scene), dt)
     if scene.batch.imposed:
         return OtherDecision(INPUT, {"error": error, "error_without_input": math.inf})
     u = np.zeros_like(np.asarray(scene.batch.u))  # type: ignore[attr-defined]
-    without = root_mean_square(held_out_ahead(model, eqx.tree_at(lambda s: s.batch.u, scene, u)))
+    silent = held_out_ahead(model, eqx.tree_at(lambda s: s.batch.u, scene, u))
+    without = typical_error(silent, dt[scene.held_out])
     return OtherDecision(INPUT, {"error": error, "error_without_input": without})
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictionjax.diagnosis.evidence.ahead import lead_ahead
+from frictionjax.diagnosis.evidence.ahead import lead_ahead, typical_error
 
 DT = np.array([0.01, 0.02])
 
@@ -43,3 +43,14 @@ def test_what_is_not_there_or_overflows_on_both_sides_counts_for_nothing():
     before[0, 50:100] = 1.0
     after[0, 50:100] = np.inf
     assert lead_ahead(before, after, DT).total < lead.total
+
+
+def test_a_typical_error_is_that_of_most_of_the_time():
+    errors = np.full((2, 1000), np.nan)
+    errors[0], errors[1, :500] = 2.0, 2.0
+    assert typical_error(errors, DT) == pytest.approx(2.0)
+    # One of 20 + 20 clusters in which a motion is unstable; the root mean square is 158 times as large.
+    errors[0, :50] = 2000.0
+    assert typical_error(errors, DT) == pytest.approx(2.0 * 1000.0 ** (1 / 40))
+    errors[0, :50] = np.inf
+    assert np.isfinite(typical_error(errors, DT))
