@@ -46,11 +46,20 @@ LONG = (
 process: a copy of one that has compiled much takes four times as long."""
 
 COMPILED_PLAINLY = (
+    "tests/benchmarks/test_benchmarks.py",
+    "tests/benchmarks/test_concealed.py",
+    "tests/diagnosis/evidence",
+    "tests/diagnosis/findings",
+    "tests/diagnosis/intake",
+    "tests/estimation/objective",
     "tests/estimation/test_parameters.py",
     "tests/excitation",
     "tests/house/test_traces.py",
+    "tests/paper",
     "tests/physics",
     "tests/simulation",
+    "tests/studies/test_estimators.py",
+    "tests/studies/test_level_sweep.py",
     "tests/studies/test_machine_tasks.py",
     "tests/studies/test_run.py",
     "tests/studies/test_store.py",
