@@ -18,7 +18,7 @@ TYPED = (
     *("exchange", "diagnosis", "arm", "studies", "report", "paper", "demo", "cli"),
 )
 """Packages whose annotations, shapes included, are checked at every call with `--types`: all that have functions. Types
-that `cli` names for pyright alone, as they load late, are not resolved, and not checked. A test that hands over a
+that `cli` names for the type checker alone, as they load late, are not resolved, and not checked. A test that hands over a
 stand-in, or what must be refused, is marked `untyped`."""
 
 TOGETHER = [
@@ -51,6 +51,7 @@ COMPILED_PLAINLY = (
     "tests/diagnosis/evidence",
     "tests/diagnosis/findings",
     "tests/diagnosis/intake",
+    "tests/diagnosis/test_motion.py",
     "tests/estimation/objective",
     "tests/estimation/test_parameters.py",
     "tests/excitation",
