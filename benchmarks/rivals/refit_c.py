@@ -75,7 +75,7 @@ class Refit:
             solution = least_squares(
                 lambda logs, at=at: at(logs)[0],
                 np.clip(logs, low + 1e-6, high - 1e-6),
-                jac=lambda logs, at=at: at(logs)[1],  # pyright: ignore[reportArgumentType]
+                jac=lambda logs, at=at: at(logs)[1],  # type: ignore[arg-type]
                 method="trf",
                 bounds=(low, high),
             )

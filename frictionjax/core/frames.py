@@ -28,7 +28,7 @@ def to_dataframe(
     **Raises:** `ImportError` where pandas is missing, with the command that installs it.
     """
     try:
-        import pandas  # pyright: ignore[reportMissingImports]
+        import pandas  # type: ignore[import-not-found]
     except ModuleNotFoundError as error:
         raise _missing("pandas", "to_dataframe", error) from error
     frame = pandas.DataFrame({name: _plain(values) for name, values in columns.items()})
@@ -102,7 +102,7 @@ def is_dataset(value: Any) -> bool:
 def _xarray(verb: str, extra: str) -> Any:
     """The module xarray, for the `verb`; where it is missing, the `extra` is named."""
     try:
-        import xarray  # pyright: ignore[reportMissingImports]
+        import xarray  # type: ignore[import-not-found]
     except ModuleNotFoundError as error:
         raise _missing("xarray", verb, error, extra) from error
     return xarray

@@ -99,7 +99,7 @@ class CompiledFunction(Generic[_P, _R]):
             for place, array in zip(places, arrays, strict=True):
                 own[place] = array
             given, named = jax.tree.unflatten(structure, own)
-            whole = self._function(*given, **named)  # pyright: ignore[reportCallIssue]
+            whole = self._function(*given, **named)  # type: ignore[call-arg]
             found, shape = jax.tree.flatten(whole)
             results.append(jax.tree.unflatten(shape, range(len(found))))
             return found

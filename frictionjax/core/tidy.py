@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 try:
-    import zstandard  # pyright: ignore[reportMissingImports]
+    import zstandard  # type: ignore[import-not-found]
 except ImportError:
     zstandard = None
 

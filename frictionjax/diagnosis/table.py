@@ -251,35 +251,31 @@ def table_json(table: ComparisonTable) -> dict[str, Any]:
 
 def table_of(content: Mapping[str, Any]) -> ComparisonTable:
     """The table whose `table_json` is the `content`."""
-    return ComparisonTable(
-        **{
-            **content,
-            "asked": tuple(content["asked"]),
-            "before": tuple(content["before"]),
-            "misfits": _both(content["misfits"]),
-            "misfit_errors": _both(content["misfit_errors"]),
-            "rows": tuple(_comparison_of(row) for row in content["rows"]),
-            "between": tuple((row, other, Lead(**lead)) for row, other, lead in content["between"]),
-        }
-    )
+    fields: dict[str, Any] = {
+        **content,
+        "asked": tuple(content["asked"]),
+        "before": tuple(content["before"]),
+        "misfits": _both(content["misfits"]),
+        "misfit_errors": _both(content["misfit_errors"]),
+        "rows": tuple(_comparison_of(row) for row in content["rows"]),
+        "between": tuple((row, other, Lead(**lead)) for row, other, lead in content["between"]),
+    }
+    return ComparisonTable(**fields)
 
 
 def _comparison_of(content: Mapping[str, Any]) -> ModelComparison:
     pairs = ("misfits_before", "misfits_after", "misfit_errors", "energies")
     lists = ("before", "after", "exact", "gains_fit", "gains_held_out")
-    return ModelComparison(
-        **{
-            **content,
-            **{name: _both(content[name]) for name in pairs},
-            **{name: tuple(content[name]) for name in lists},
-            "ahead": Lead(**content["ahead"]) if content.get("ahead") else None,
-            "fit": Lead(**content["fit"]),
-            "held_out": Lead(**content["held_out"]),
-            "waves": tuple(
-                (math.inf if count is None else count, beside) for count, beside in content["waves"]
-            ),
-        }
-    )
+    fields: dict[str, Any] = {
+        **content,
+        **{name: _both(content[name]) for name in pairs},
+        **{name: tuple(content[name]) for name in lists},
+        "ahead": Lead(**content["ahead"]) if content.get("ahead") else None,
+        "fit": Lead(**content["fit"]),
+        "held_out": Lead(**content["held_out"]),
+        "waves": tuple((math.inf if count is None else count, beside) for count, beside in content["waves"]),
+    }
+    return ModelComparison(**fields)
 
 
 def _both(values: Iterable[float | None]) -> Both:

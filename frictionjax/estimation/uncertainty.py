@@ -34,6 +34,7 @@ def merged(gradients: Float[np.ndarray, "c k"], recordings: int) -> Float[np.nda
     Model error is correlated over more than half a second after the parameters have adapted to it: with clusters of
     0.5 s p-values come out too small (`python -m benchmarks.null_p_values`).
     """
+    sums = gradients
     for together in _TOGETHER:
         sums = _summed(gradients, recordings, together)
         if _enough(sums):
@@ -142,6 +143,7 @@ def _longer(
         np.concatenate([own, bent.reshape(-1, count * count)], axis=1)
         for own, bent in zip(gradients, curvatures, strict=True)
     ]
+    sums = both[0]
     for together in _TOGETHER:
         sums = np.concatenate(
             [_summed(own, many, together) if many else own for own, many in zip(both, rows, strict=True)]

@@ -39,7 +39,7 @@ def named_pair(first: AbstractEffect | None, second: AbstractEffect | None) -> t
                 place=place,
                 cure=f"Give {strengths} a typical size, or None for the base model.",
             )
-    if type(first) is type(second) and _fixed(first) == _fixed(second):
+    if len({(type(effect), _fixed(effect)) for effect in (first, second)}) == 1:
         raise InputError(
             f"both are {BASE if first is None else first.name}, and a refit compensates for a different strength",
             place="`first`, `second`",

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -118,7 +119,7 @@ def labelled(plant: Plant, columns: Columns, entry: Entry) -> Plant:
 
     **Returns:** the `Plant`.
     """
-    found = {}
+    found: dict[str, Any] = {}
     for role, label in LABELS.items():
         if not has_label(plant, role) and role in columns.units and role not in entry.scale:
             unit = parse_unit(columns.units[role])
@@ -141,7 +142,7 @@ def shown_as_read(plant: Plant, given: Plant, chosen: Sequence[Columns], entries
 
     **Returns:** the `Plant`. Parts of a unit, as of an encoder with 4096 counts a turn, are shown in SI.
     """
-    found = {}
+    found: dict[str, Any] = {}
     for role, label in SHOWN.items():
         texts = [
             "" if role in entry.scale else columns.units.get(role, "")

@@ -276,7 +276,7 @@ def _interval(table: dict[str, Any], spot: Spot) -> tuple[float, float] | None:
 
 def _kind(value: object) -> str:
     """A TOML value's type, in words."""
-    kinds = {
+    kinds: dict[type, str] = {
         bool: "true or false",
         str: "text",
         list: "a list",

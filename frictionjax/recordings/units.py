@@ -123,7 +123,7 @@ class Unit(eqx.Module):
 _TIME, _ANGLE, _LENGTH = (("s", 1),), (("rad", 1),), (("m", 1),)
 _FORCE, _TORQUE = (("N", 1),), (("N", 1), ("m", 1))
 _SPEEDS = ((("m", 1), ("s", -1)), (("rad", 1), ("s", -1)))
-_QUANTITIES = {
+_QUANTITIES: dict[tuple[tuple[str, int], ...], str] = {
     _TIME: "a time",
     _ANGLE: "an angle",
     _LENGTH: "a length",

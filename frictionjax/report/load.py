@@ -221,12 +221,17 @@ def _missing(entry: FieldTable, experiments: Mapping[str, Any]) -> MissingEffect
         split_by=entry.text("split_by"),
         sentence=entry.text("sentence"),
         evidence=tuple(_number(value) for value in content["evidence"]),
-        next_experiment=None
-        if own is None
-        else NextExperiment(
-            **{**_numbered(own), "between": tuple(own["between"]), "u": np.array(own["u"], dtype=float)}
-        ),
+        next_experiment=None if own is None else _planned(own),
     )
+
+
+def _planned(content: Mapping[str, Any]) -> NextExperiment:
+    fields: dict[str, Any] = {
+        **_numbered(content),
+        "between": tuple(content["between"]),
+        "u": np.array(content["u"], dtype=float),
+    }
+    return NextExperiment(**fields)
 
 
 def _estimates(table: FieldTable) -> dict[str, Estimate]:
@@ -246,7 +251,7 @@ def _recording(folder: Path, name: str, entry: FieldTable, left: list[float | No
     role = entry.text("role")
     columns: dict[str, Any] = dict(_csv(require_file(folder / entry.text("file"))))
     models = ("base", "extended", *(("given",) if "given" in entry.content else ()))
-    errors = {
+    errors: dict[str, Any] = {
         f"{kind}_{model}": entry.table(model).number(kind)
         for model in models
         for kind in ("free_run_rmse", "prediction_rmse", "increment_rmse")

@@ -119,6 +119,7 @@ def kalman_filter(
         motor, measured, t = inputs
         predicted, row = jax.value_and_grad(lambda flat: _measured(drive, flat, t))(state)
         innovation = measured - predicted
+        surprise = None
         if alone is None:
             gain, variance, covariance = corrected(covariance, row)
             own = None

@@ -165,7 +165,8 @@ def ros2_step(
         below_v = 1.0 + per_mass * (
             beside_v + sigma1 * (first * rate_v + stuck) + gh * friction.sigma0 * stuck
         )
-    heavy = yielding = a2 = free = 0.0
+    heavy = yielding = a2 = free = flank = 0.0
+    lasts = False
     if side is not None:
         # With s the slope of w: s (1 + gh C + (gh)^2 K) = a2 - gh K k_d - k_v. What this adds to the row of v:
         heavy = side.ratio / (1.0 - side.ratio)
@@ -187,6 +188,7 @@ def ros2_step(
 
     def solve(right_v, right_z, right_plays, right_d, right_2):
         """Slopes of v, of LuGre's bristle, of the sum over the other elements, and of d and w of a second inertia."""
+        drag = 0.0
         if not alone:
             right_v = right_v - per_mass * friction.sigma0 * right_plays
         if side is not None:

@@ -68,12 +68,12 @@ class LikeYoursTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=lambda: {"seconds": "s"})
 
     @property
-    def lanes(self) -> int:  # type: ignore[override]
+    def lanes(self) -> int:
         """One machine at a time."""
         return 1
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """None: no result is an array."""
         return {}
 

@@ -7,7 +7,7 @@ import inspect
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -26,7 +26,12 @@ MOST_CASES = 2**32 - 1
 class AbstractDesign(abc.ABC):
     """Which cases a study computes, in which order, and how they become dimensions of its result."""
 
-    axes: tuple[Axis, ...]
+    if TYPE_CHECKING:  # it can only be read: a field of a frozen dataclass
+
+        @property
+        def axes(self) -> tuple[Axis, ...]: ...
+    else:
+        axes: tuple[Axis, ...]
 
     @property
     @abc.abstractmethod

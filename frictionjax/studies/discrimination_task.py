@@ -55,12 +55,12 @@ class DiscriminationTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def lanes(self) -> int:  # type: ignore[override]
+    def lanes(self) -> int:
         """One case at a time."""
         return 1
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """None: all results are numbers."""
         return {}
 

@@ -154,7 +154,9 @@ class _Fits:
             parameters = (*form.strengths, *form.nuisances)
             if {one.name for one in parameters if one.transform != "none"} != sizes.keys():
                 continue
-            periods = {str(one.scale): (sizes[one.name],) for one in form.nuisances if one.grid == "period"}
+            periods: dict[str, tuple[float, ...]] = {
+                str(one.scale): (sizes[one.name],) for one in form.nuisances if one.grid == "period"
+            }
             for instance in forms_to_try(form, self.scales, periods):
                 values: dict[str, Any] = {
                     one.name: sizes.get(one.name, getattr(instance, one.name)) for one in parameters

@@ -52,7 +52,7 @@ class FitTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """None: all results are numbers."""
         return {}
 
@@ -113,12 +113,12 @@ class DiagnosisTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def lanes(self) -> int:  # type: ignore[override]
+    def lanes(self) -> int:
         """One case at a time."""
         return 1
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """None: no result is an array."""
         return {}
 

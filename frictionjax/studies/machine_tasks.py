@@ -43,7 +43,7 @@ class SimulationTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """`sample`."""
         return {"u": ("sample",), "x": ("sample",)}
 
@@ -95,7 +95,7 @@ class ResponseTask(AbstractTask):
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def dims(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+    def dims(self) -> Mapping[str, tuple[str, ...]]:
         """None: all results are numbers."""
         return {}
 

@@ -6,6 +6,7 @@ moves elsewhere. An imposed motion stays as it is, and the force is simulated.
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -134,4 +135,5 @@ def _changed(one: Recording, answer: Float[np.ndarray, " n"], channel: str) -> R
     # Differences of an integrated velocity have its noise, white.
     v = np.diff(answer, prepend=answer[0]) * one.sample_rate if one.integrated else None
     # The input no longer answers to what is measured.
-    return dataclasses.replace(one, v=v, warnings=(), loop="open", **{channel: answer})
+    changed: dict[str, Any] = {channel: answer}
+    return dataclasses.replace(one, v=v, warnings=(), loop="open", **changed)

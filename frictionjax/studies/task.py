@@ -6,7 +6,7 @@ import functools
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -54,9 +54,18 @@ class AbstractTask(abc.ABC):
     - `dims`: name of a result that is an array -> names of its axes.
     """
 
-    lanes: int
-    units: Mapping[str, str]
-    dims: Mapping[str, tuple[str, ...]]
+    if TYPE_CHECKING:  # they can only be read: fields of a frozen dataclass, or properties
+
+        @property
+        def lanes(self) -> int: ...
+        @property
+        def units(self) -> Mapping[str, str]: ...
+        @property
+        def dims(self) -> Mapping[str, tuple[str, ...]]: ...
+    else:
+        lanes: int
+        units: Mapping[str, str]
+        dims: Mapping[str, tuple[str, ...]]
 
     @abc.abstractmethod
     def compute(self, seed: int, block: Block) -> Outcome:
@@ -192,7 +201,7 @@ class PythonTask(AbstractTask):
     dims: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
     @property
-    def lanes(self) -> int:  # type: ignore[override]
+    def lanes(self) -> int:
         """One case at a time."""
         return 1
 

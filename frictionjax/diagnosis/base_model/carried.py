@@ -19,6 +19,7 @@ from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.start.force_balance import Balanced
 from frictionjax.physics import Drive
+from frictionjax.physics.effects import AbstractForceEffect
 
 
 class Carried(eqx.Module):
@@ -76,5 +77,7 @@ def carried(
     drive = with_force.judgement.drive
     plain = dataclasses.replace(drive, effects=())
     base = fit([plain, *starting.start.drives], like=with_force)
-    fitted = dataclasses.replace(first, effect=drive.effects[-1], drives=(plain,))
+    force = drive.effects[-1]
+    assert isinstance(force, AbstractForceEffect)  # the first of the `forces`, at its fitted strengths
+    fitted = dataclasses.replace(first, effect=force, drives=(plain,))
     return Carried(base, (fitted, *forces[1:]))

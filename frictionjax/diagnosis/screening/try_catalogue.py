@@ -2,6 +2,7 @@
 
 import dataclasses
 from concurrent.futures import Executor
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,8 @@ def try_catalogue(
     def instances(form: type[AbstractEffect]) -> list[AbstractEffect]:
         grid = forms_to_try(form, scales, {kind: found.periods for kind, found in waves.items()})
         if pair is not None and issubclass(form, AbstractLoadEffect):
-            grid.append(dataclasses.replace(grid[0], frequency=pair.frequency))
+            at_pair: dict[str, Any] = {"frequency": pair.frequency}  # a field of each of these forms
+            grid.append(dataclasses.replace(grid[0], **at_pair))
         return grid
 
     # All of them are queued before one is waited for: no core idles between the models.

@@ -122,7 +122,7 @@ def _acceleration(recording: Recording, inertia: float) -> tuple[Float[np.ndarra
     while chosen is None or (chosen.noise > of_force / inertia and window <= longest):
         weights = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=dt)
         values = scipy.signal.savgol_filter(x, window, _ORDER, deriv=2, delta=dt)
-        found = _Smoothed(values, window * dt, of_position * float(np.linalg.norm(weights)))
+        found = _Smoothed(np.asarray(values), window * dt, of_position * float(np.linalg.norm(weights)))
         # Two windows differ by the noise of the narrower one, unless the wider one cuts the motion off.
         if chosen is not None and np.std(found.values - chosen.values) > _CUT * chosen.noise:
             break

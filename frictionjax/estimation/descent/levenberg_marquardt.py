@@ -62,7 +62,8 @@ def _triangular(
     if np.all(np.isfinite(hessian)) and np.all(np.isfinite(gradient)):
         try:
             factor = np.linalg.cholesky(hessian)
-            return factor, scipy.linalg.solve_triangular(factor, gradient, lower=True)
+            along: Any = scipy.linalg.solve_triangular(factor, gradient, lower=True)
+            return factor, along
         except np.linalg.LinAlgError:  # not positive definite
             pass
     return np.full(hessian.shape, np.nan), np.full(gradient.shape, np.nan)

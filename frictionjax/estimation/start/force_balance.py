@@ -5,6 +5,7 @@ in a wrong minimum, because gravity or a spring is most of the force, it says wh
 """
 
 import dataclasses
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -130,7 +131,7 @@ def linear_forces(
     parameters; at zero strength. `without`: names of effects, or of forms, to leave out; `turn` as in
     `force_balance`."""
     return [
-        form().in_turns_of(turn)  # type: ignore[call-arg]
+        cast(AbstractForceEffect, form().in_turns_of(turn))  # type: ignore[call-arg]
         for name, forms in catalogue().items()
         for form in forms
         if name not in without

@@ -64,7 +64,8 @@ def new_axes(panels: Panels, place: Place, shared: Sequence[str] = ()) -> dict[s
     width, height = STACKED if len(panels) > 1 and len(panels[0]) == 1 else PANEL
     place.set_size_inches(width * len(panels[0]) + 0.6, height * len(panels) + 0.3)
     place.set_dpi(110)
-    found = place.subplot_mosaic([list(row) for row in panels])
+    rows: list[Any] = [list(row) for row in panels]
+    found = place.subplot_mosaic(rows)
     for name in shared[1:]:
         found[name].sharex(found[shared[0]])
     for name in shared[:-1]:
