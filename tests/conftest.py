@@ -18,8 +18,8 @@ TYPED = (
     *("exchange", "diagnosis", "arm", "studies", "report", "paper", "demo", "cli"),
 )
 """Packages whose annotations, shapes included, are checked at every call with `--types`: all that have functions. Types
-that `cli` names for the type checker alone, as they load late, are not resolved, and not checked. A test that hands over a
-stand-in, or what must be refused, is marked `untyped`."""
+that `cli` names for the type checker alone, as they load late, are not resolved, and not checked. A test that hands
+over a stand-in, or what must be refused, is marked `untyped`."""
 
 TOGETHER = [
     (
