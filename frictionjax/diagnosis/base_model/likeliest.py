@@ -17,6 +17,7 @@ from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.pace import at_pace, is_coarse, pace_of, schedule_of
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.estimation.descent.finer import ROUNDS, SUBSTEPS
 from frictionjax.estimation.descent.refine import OneFit, Refined, at_start, refine
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.evidence import Observed, Positions
@@ -26,8 +27,6 @@ from frictionjax.estimation.parameters import changed
 from frictionjax.estimation.uncertainty import estimates, inverse_of, uncertainty_at
 
 _STEPS = 2  # integration steps a sample at least, as in `fit`
-_FINER = 4  # times as many: the scheme is of second order, and a sixteenth of their error is left
-_ROUNDS = 2  # of Newton: the first does nearly all
 
 
 def said_of_the_sensor(posterior: Posterior) -> tuple[str, ...]:
@@ -146,11 +145,11 @@ def _at_finer_steps(found: Refined) -> tuple[Posterior, Float[np.ndarray, " q"]]
     posterior, vector = found.posterior, np.asarray(found.vector)
     (coarse,) = posterior.evidence
     assert isinstance(coarse, Positions)
-    own = dataclasses.replace(coarse, substeps=_FINER * coarse.substeps)
+    own = dataclasses.replace(coarse, substeps=SUBSTEPS * coarse.substeps)
     fine = eqx.tree_at(lambda p: p.evidence, posterior, (own,))
     inverse = inverse_of(np.asarray(posterior.near(vector).hessian))
     near = fine.near(vector)
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         further = vector - inverse @ np.asarray(near.gradient)
         there = fine.near(further)
         if not float(there.cost) < float(near.cost):

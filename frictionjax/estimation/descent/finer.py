@@ -13,10 +13,10 @@ from frictionjax.estimation.evidence.power import block_power
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.quadratic import Evaluation, Quadratic, all_columns
 
-_SUBSTEPS = 8  # the scheme is of second order: 1/64 of the error of one step is left
+SUBSTEPS = 8  # the scheme is of second order: 1/64 of the error of one step is left
 # Always as many: where a break-away may come a sample sooner the cost is rough, and neither its fall nor the length of
 # a step says when to stop. The first step does nearly all.
-_ROUNDS = 3
+ROUNDS = 3
 # In a coordinate, or in standard deviations of it: a correction that is larger did not start near a minimum.
 _LARGEST_CHANGE, _LARGEST_IN_DEVIATIONS = 0.1, 2.0**0.5
 
@@ -52,14 +52,14 @@ def at_finer_steps(
     hessian, vector = np.asarray(near.hessian), np.asarray(vector)
     if posterior.batch.imposed or not np.all(np.isfinite(hessian)):
         return vector, False
-    count, fine = posterior.parameters, posterior.with_substeps(_SUBSTEPS * posterior.batch.substeps)
+    count, fine = posterior.parameters, posterior.with_substeps(SUBSTEPS * posterior.batch.substeps)
     columns = np.array(all_columns(evaluation))
     columns[:count] *= np.asarray(posterior.fitted[0])[:, None]
     inverse = np.linalg.pinv(hessian, hermitian=True)
     # Coordinates that the recordings do not determine stay: the prior alone would draw them to the start.
     determined = np.diag(hessian) > 2.0 * np.asarray(posterior.prior) ** 2
     now = vector
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         now = now - np.where(determined, inverse @ _slope(fine, now, columns), 0.0)
     moved = np.abs(now - vector)[:count]
     deviations = np.sqrt(np.maximum(np.diag(inverse), 0.0))
