@@ -1,11 +1,11 @@
 """`python -m benchmarks.coverage [--machines N] [--first SEED] [--effects ...] [--demo SEED ...]`: interval coverage.
 
 Machines of `benchmarks.concealed.reality`, fitted from the truth as a diagnosis fits them. Of machines without a hidden
-effect: errors of the base model over standard errors, with one integration step a sample and with the finer steps that
-are reported. Of machines with a hidden effect whose size means the same in the simulator and here: errors of that size,
-with the standard errors that are reported and with those of the sandwich alone, from clusters of 0.5 s. Of arms of the
-demo, diagnosed in full, whose ten elements the named form resembles: errors over standard errors about that form, and
-over those that are reported, which include the change of the parameters by other effects.
+effect: errors of the base model over standard errors, where the descent of the observers ends and of the likeliest
+parameters, which are reported. Of machines with a hidden effect whose size means the same in the simulator and here:
+errors of that size, of both. Of arms of the demo, diagnosed in full, whose ten elements the named form resembles:
+errors over standard errors about that form, and over those that are reported, which include the change of the
+parameters by other effects.
 """
 
 import argparse
@@ -30,14 +30,11 @@ from frictionjax.demo import write_demo_case
 from frictionjax.diagnosis.base_model import fit_base as base_fit
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
-from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, force_noise, quietness
 from frictionjax.diagnosis.intake.starting_point import StartingPoint, starting_point
 from frictionjax.estimation.descent.robust import descend
-from frictionjax.estimation.objective.model import physical
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import sandwich
 from frictionjax.physics import Drive
 from frictionjax.physics.effects import catalogue
 
@@ -63,30 +60,26 @@ def _fitted(posterior: Posterior, vector) -> Model:
     return Model(slow, fitted, judge(slow, fitted))
 
 
-def _force(model: Model) -> float:
-    """The unmeasured force over Fc, as estimated when the candidates are compared."""
-    answer, power = answer_to_force(model.posterior, model.fitted.vector), model.judgement.power
-    return force_noise(power, answer, model.posterior, quietness(power, answer, model.posterior))
+def _both(model: Model) -> tuple[dict[str, Estimate], dict[str, Estimate]]:
+    """Where the descent ended, and what is reported."""
+    return tuple(base_fit.parameters_of(model, {}, lacking=lacking) for lacking in (True, False))  # type: ignore[return-value]
 
 
 def errors(seed: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Errors over standard errors of the parameters of one machine: one step a sample, finer steps."""
+    """Errors over standard errors of the parameters of one machine: of the descent, as reported."""
     simulated = make_case(seed, missing=(), strength="strong")
     starting, truth = starting_point(case_of(simulated)), simulated.truth["base"]
     model = _fitted(*robust_posterior(_true_drive(starting, truth), starting.batch, starting.held_out))
-    slow, found = model.posterior, base_fit.parameters_of(model, {}, _force(model))
-    count, vector = len(slow.layout), model.fitted.vector
-    coarse, _ = physical(slow.model, np.asarray(vector)[:count])
-    one = {
-        name: (float(value) - truth[name]) / e.stderr
-        for (name, e), value in zip(found.items(), coarse, strict=True)
-    }
-    return one, {name: (e.value - truth[name]) / e.stderr for name, e in found.items()}
+    descended, reported = (
+        {name: (one.value - truth[name]) / one.stderr for name, one in found.items()}
+        for found in _both(model)
+    )
+    return descended, reported
 
 
 def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
-    """Error of the size of an `effect` over its standard error: as reported, by the sandwich alone; None where the
-    simulator drew a form whose size does not compare."""
+    """Error of the size of an `effect` over its standard error: of the descent, as reported; None where the simulator
+    drew a form whose size does not compare."""
     simulated = make_case(seed, missing=(effect,), strength="medium")
     ours, theirs, convert = SIZES[effect]
     drawn = simulated.truth["sizes"][effect]
@@ -101,13 +94,8 @@ def size_errors(seed: int, effect: str) -> tuple[float, float] | None:
     free = posterior.layout[place]
     there = np.log(true) if free.parameter.transform == "log" else true / float(free.scale)
     model = _fitted(posterior, jnp.asarray(vector).at[place].set(there))
-    near = model.fitted.near
-    alone = sandwich(np.asarray(near.hessian), np.asarray(near.clusters[0]))
-    count = len(model.posterior.layout)
-    _, slopes = physical(model.posterior.model, np.asarray(model.fitted.vector)[:count])
-    other = float(np.sqrt(slopes[place] @ alone[:count, :count] @ slopes[place]))
-    stated = base_fit.parameters_of(model, {}, _force(model))[ours]
-    return (stated.value - true) / stated.stderr, (stated.value - true) / other
+    descended, reported = ((found[ours].value - true) / found[ours].stderr for found in _both(model))
+    return descended, reported
 
 
 def likeness_errors(seed: int, folder: Path) -> tuple[dict[str, float], dict[str, float]]:
@@ -177,7 +165,7 @@ def main() -> None:
     keep_compiled()
     seeds = list(range(arguments.first, arguments.first + arguments.machines))
     pairs = [errors(seed) for seed in _each(seeds, "machines that hide nothing")]
-    _table_of_pairs("steps a sample", pairs, ("one", "as reported"))
+    _table_of_pairs("parameters", pairs, ("of the descent", "as reported"))
     found: dict[str, list[tuple[float, float]]] = {}
     for effect, seed in _each([(e, s) for e in arguments.effects for s in seeds], "machines that hide one"):
         jax.clear_caches()  # programs are of the machine's lengths: kept, they would fill the memory
@@ -187,7 +175,7 @@ def main() -> None:
     if found:
         rows = {
             w: [[pair[place] for pair in some] for some in found.values()]
-            for place, w in enumerate(("as reported", "sandwich alone"))
+            for place, w in enumerate(("of the descent", "as reported"))
         }
         _table("standard errors", list(found), rows)
     with tempfile.TemporaryDirectory() as folder:

@@ -13,7 +13,7 @@ from frictionjax.core import Estimate, Progress, reporting, require_x64, silent
 from frictionjax.core.compile_time import CompileClock, Stages
 from frictionjax.diagnosis.base_model.carried import carried
 from frictionjax.diagnosis.base_model.credibility import credibility
-from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, reported_parameters
+from frictionjax.diagnosis.base_model.fit_base import base_of, message_of, parameters_of, said_of_errors
 from frictionjax.diagnosis.base_model.input_hold import base_with_likelier_hold
 from frictionjax.diagnosis.base_model.likeliest import said_of_the_sensor
 from frictionjax.diagnosis.base_model.refusal import mistake, what_to_check
@@ -26,6 +26,7 @@ from frictionjax.diagnosis.evidence.input_needed import (
 )
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
+from frictionjax.diagnosis.evidence.pace import is_coarse
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View, view
 from frictionjax.diagnosis.findings.as_given import (
@@ -196,7 +197,7 @@ def _diagnose(
     if selection is None or not credible.is_credible(rule=rule):
         # The missing effect may be most of the force: gravity on a pendulum.
         if selection is None or not accepted or not _is_credible(accepted[-1].model, rule):
-            values = parameters_of(base, units, rule=rule)
+            values = parameters_of(base, units, lacking=True)
             warnings = (
                 what_to_check(credible, case, error),
                 *_warnings(case, values, message_of(base), starting.notes),
@@ -231,16 +232,16 @@ def _diagnose(
     scene = scene_of(final, starting.names)
 
     def parameters(model: Model) -> Future:
-        # A missing effect biases the parameters of the base model by more than an unmeasured force does.
-        force = steps[-1].force if model is last else 0.0
-        lacking = model is base is not final
-        return executor.submit(reported_parameters, model, units, force, lacking=lacking, rule=rule)
+        # The observers of a coarse sensor are off by more than what is missing.
+        remains = decision.remains and not is_coarse(base.posterior)
+        lacking = remains or model is base is not final
+        return executor.submit(parameters_of, model, units, lacking=lacking)
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)
     base_view, extended_view = _views(base, final, scene)
     decided.append(with_and_without_input(final, extended_view, scene))
     if not input_is_needed(decided[-1], rule):
-        values = of_base.result()[0]
+        values = of_base.result()
         warnings = _warnings(case, values, message_of(base), tuple(notes))
         clock.stage("judging")
         seconds, own = clock.report(compiling), ((*tables, *selection.tables), tuple(decided))
@@ -266,10 +267,10 @@ def _diagnose(
     grid = grid_along(base_view, base.judgement.drive, plant, scene, floor, mapping, rule=rule)
     located = grid.located(base_view, extended_view, rule=rule)
     bins = located.bins
-    (base_parameters, _), (extended, warning) = of_base.result(), (of_final or of_base).result()
+    base_parameters, extended = of_base.result(), (of_final or of_base).result()
     extended, biased = moved(extended, last.posterior.layout, steps, rule=rule)
-    sizes, _ = moved((of_named or of_base).result()[0], last.posterior.layout, steps, rule=rule)
-    notes += [text for text in (warning, biased) if text]
+    sizes, _ = moved((of_named or of_base).result(), last.posterior.layout, steps, rule=rule)
+    notes += [text for text in (said_of_errors(final), biased) if text]
     experiments, without_experiment = experiments_for(steps, progress)
     notes += without_experiment
     views = [(base, base_view), (final, extended_view)]

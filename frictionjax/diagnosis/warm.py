@@ -16,6 +16,7 @@ import numpy as np
 
 from frictionjax.core import InputError, Progress, reporting, require_x64
 from frictionjax.core.setup import programs_folder
+from frictionjax.diagnosis.base_model.fit_base import parameters_of
 from frictionjax.diagnosis.effort import Effort
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, scene_of
@@ -30,7 +31,6 @@ from frictionjax.estimation.data.pieces import SHORTEST, lengths_up_to
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, extend, robust_posterior
 from frictionjax.estimation.scales import plant_scales
-from frictionjax.estimation.uncertainty import uncertainty_at
 from frictionjax.physics import Drive, LuGre
 from frictionjax.physics.effects import AbstractEffect, catalogue
 from frictionjax.recordings import Recording
@@ -130,4 +130,5 @@ def _compiled_for(form: type[AbstractEffect] | None, length: int) -> None:
     present = present_model(slow, fitted.vector)
     present.with_forces(np.asarray(present.vector)[None], np.zeros((1, *batch.x.shape))[:, ~held_out])
     view(model.judgement, scene_of(model, tuple(f"recording {number}" for number in range(_RECORDINGS))))
-    uncertainty_at(slow, fitted.vector, slow.evaluated(fitted.vector), fitted.near)
+    for lacking in (True, False):
+        parameters_of(model, {}, lacking=lacking)

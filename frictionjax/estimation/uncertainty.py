@@ -1,4 +1,4 @@
-"""Standard errors that hold under model error and correlated residuals: the sandwich, clustered in time.
+"""Standard errors that hold under model error and correlated residuals: a jackknife, clustered in time.
 
 The covariance of a free vector (`covariance_of`) becomes the standard errors of physical values in one place,
 `standard_errors`: for a fit, for many fits and for a diagnosis.
@@ -51,15 +51,6 @@ def _summed(values: Float[np.ndarray, "c k"], recordings: int, together: int) ->
 
 def _enough(sums: Float[np.ndarray, "m k"]) -> bool:
     return bool(np.sum(np.any(sums != 0.0, axis=1)) >= _FEWEST)
-
-
-def sandwich(
-    hessian: Float[np.ndarray, "q q"], gradients: Float[np.ndarray, "c q"]
-) -> Float[np.ndarray, "q q"]:
-    """Covariance H^-1 (sum_c g_c g_c') H^-1 c/(c-1) of the free vector, from the gradient of each cluster."""
-    inverse = np.linalg.pinv(hessian, hermitian=True)
-    active = int(np.sum(np.any(gradients != 0.0, axis=1)))
-    return inverse @ (gradients.T @ gradients) @ inverse * (active / max(active - 1, 1))
 
 
 def jackknife(

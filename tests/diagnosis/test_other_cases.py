@@ -8,13 +8,14 @@ from helpers_estimation import FINE, NOISE, PLANT
 from helpers_plants import effect
 
 import frictionjax as fj
+from frictionjax.diagnosis.base_model.fit_base import parameters_of
 from frictionjax.diagnosis.evidence.judgement import Judgement, Scene, judge
+from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force
 from frictionjax.diagnosis.evidence.views import ahead_samples, force_bandwidth, view
 from frictionjax.diagnosis.screening.linearised import present_model
 from frictionjax.diagnosis.screening.score_test import try_form
 from frictionjax.estimation.data.batch import make_batch
-from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import descend
 from frictionjax.estimation.objective.robust import SLOW_BANDWIDTH, robust_posterior
 from frictionjax.estimation.scales import plant_scales
@@ -55,7 +56,7 @@ def _steps_of_a_diagnosis(recordings):
     again = descend(slow, fitted.vector, graduate=False, steps=3)
     judgement = judge(slow, again)
     answer_to_force(slow, again.vector)
-    at_finer_steps(slow, again.vector, again.near, slow.evaluated(again.vector)[0])
+    parameters_of(Model(slow, again, judgement), {})
     names = tuple(one.name for one in recordings)
     bandwidth = np.minimum(SLOW_BANDWIDTH, 0.1 / np.asarray(batch.dt))
     view(judgement, Scene(batch, held_out, bandwidth, names))

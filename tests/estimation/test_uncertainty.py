@@ -1,4 +1,4 @@
-"""The sandwich and its clusters against linear regression."""
+"""The jackknife over clusters against linear regression."""
 
 import numpy as np
 import pytest
@@ -9,28 +9,35 @@ from frictionjax.estimation.uncertainty import (
     clustered_covariance,
     jackknife,
     merged,
-    sandwich,
     standard_errors,
 )
 
 
-def test_sandwich_of_independent_noise_is_the_inverse_information():
+def _sandwich(hessian, gradients):
+    """H^-1 (sum_c g_c g_c') H^-1 c/(c-1): what the jackknife is for many clusters alike."""
+    inverse, count = np.linalg.inv(hessian), len(gradients)
+    return inverse @ (gradients.T @ gradients) @ inverse * (count / (count - 1))
+
+
+def test_a_jackknife_of_independent_noise_is_the_inverse_information():
     """Linear regression with white noise: (X'X)^-1, for clusters that are many and large enough."""
     rng = np.random.default_rng(3)
     X = rng.standard_normal((20000, 3)) @ np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.3], [0.0, 0.0, 2.0]])
     e = rng.standard_normal(20000)
     gradients = (X * e[:, None]).reshape(400, 50, 3).sum(1)
-    found = sandwich(X.T @ X, gradients)
+    own = X.reshape(400, 50, 3)
+    found = jackknife(X.T @ X, gradients, np.einsum("cti,ctj->cij", own, own))
     # A variance from 400 clusters has a relative standard error of sqrt(2/400).
     np.testing.assert_allclose(np.diag(found), np.diag(np.linalg.inv(X.T @ X)), rtol=3.0 * np.sqrt(2.0 / 400))
 
 
-def test_sandwich_sees_what_correlates_inside_a_cluster():
+def test_a_jackknife_sees_what_correlates_inside_a_cluster():
     """A regressor and an error that are constant over each cluster: fifty samples are worth one."""
     rng = np.random.default_rng(4)
     x, e = (np.repeat(rng.standard_normal(2000), 50) for _ in range(2))
     gradients = (x * e).reshape(2000, 50).sum(1)[:, None]
-    found = sandwich(np.array([[x @ x]]), gradients)[0, 0]
+    own = (x**2).reshape(2000, 50).sum(1)[:, None, None]
+    found = jackknife(np.array([[x @ x]]), gradients, own)[0, 0]
     assert found == pytest.approx(50.0 / (x @ x), rel=3.0 * np.sqrt(2.0 / 2000) * 2.0)
 
 
@@ -66,7 +73,7 @@ def test_errors_hold_where_clusters_are_correlated():
     rng = np.random.default_rng(5)
     x, e = (np.repeat(rng.standard_normal(500), 4) for _ in range(2))
     gradients, hessian = (x * e)[:, None], np.array([[x @ x]])
-    short, long = sandwich(hessian, gradients)[0, 0], sandwich(hessian, merged(gradients, 1))[0, 0]
+    short, long = _sandwich(hessian, gradients)[0, 0], _sandwich(hessian, merged(gradients, 1))[0, 0]
     true = 4.0 / (x @ x)
     assert long == pytest.approx(true, rel=3.0 * np.sqrt(2.0 / 500) * 2.0)
     assert short < 0.5 * true
@@ -88,7 +95,7 @@ def test_a_jackknife_sees_what_a_fit_bends_to():
     rng = np.random.default_rng(7)
     draws = [_regression(rng, 40, 50, leverage=180.0) for _ in range(400)]
     scatter = np.mean([found**2 for *_, found in draws])
-    plain = np.mean([sandwich(h, g)[0, 0] for h, g, *_ in draws])
+    plain = np.mean([_sandwich(h, g)[0, 0] for h, g, *_ in draws])
     ours = np.mean([jackknife(h, g, own)[0, 0] for h, g, own, _ in draws])
     assert plain < 0.7 * scatter
     assert 0.8 * scatter < ours < 1.6 * scatter
@@ -100,7 +107,7 @@ def test_a_jackknife_of_many_alike_is_the_sandwich():
     own = np.einsum("cti,ctj->cij", X, X)
     gradients, hessian = np.einsum("cti,ct->ci", X, e), own.sum(axis=0)
     np.testing.assert_allclose(
-        jackknife(hessian, gradients, own), sandwich(hessian, gradients), rtol=0.05, atol=1e-6
+        jackknife(hessian, gradients, own), _sandwich(hessian, gradients), rtol=0.05, atol=1e-6
     )
 
 
@@ -112,7 +119,7 @@ def test_no_variance_is_below_any_of_the_three():
     own = np.zeros((2000, 2, 2))
     own[:, 0, 0] = 1.0
     found = clustered_covariance(np.diag([2000.0, 1.0]), [lasting], [own], [1])
-    assert found[0, 0] == pytest.approx(sandwich(np.diag([2000.0, 1.0]), merged(lasting, 1))[0, 0], rel=0.01)
+    assert found[0, 0] == pytest.approx(_sandwich(np.diag([2000.0, 1.0]), merged(lasting, 1))[0, 0], rel=0.01)
     assert found[1, 1] == pytest.approx(1.0)
     short = 0
     for _ in range(50):

@@ -10,13 +10,11 @@ from frictionjax.core import Estimate, Progress
 from frictionjax.diagnosis.base_model.likeliest import likeliest_parameters, observed_as_asked
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model, is_chaotic
-from frictionjax.diagnosis.evidence.noise_floor import predictable
 from frictionjax.diagnosis.evidence.pace import at_pace, is_coarse, pace_of
 from frictionjax.diagnosis.evidence.step_length import steps_needed, with_steps
 from frictionjax.diagnosis.intake.starting_point import StartingPoint
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.estimation.data.batch import AbstractBatch
-from frictionjax.estimation.descent.finer import at_finer_steps
 from frictionjax.estimation.descent.robust import RobustFit, descend
 from frictionjax.estimation.objective.posterior import Posterior
 from frictionjax.estimation.objective.robust import robust_posterior
@@ -25,12 +23,6 @@ from frictionjax.estimation.scales import plant_scales
 from frictionjax.estimation.uncertainty import estimates, uncertainty_at
 from frictionjax.physics import Drive
 
-_SETTLING = 8  # steps of a descent without the unpredictable blocks
-_LESS_CERTAIN = 3.0  # factor by which the standard error of a parameter may grow without those blocks
-_COARSE = (
-    "Parameters change by more than their standard errors when the integration step is refined; treat the stated "
-    "errors as too small."
-)
 _CHAOTIC = "Backlash makes the motion chaotic. Errors are computed from predictable intervals only and are too small."
 
 
@@ -123,66 +115,30 @@ def _at_its_own_pace(
     return paced, min(ends, key=lambda end: end.misfit)
 
 
-def parameters_of(
-    model: Model, units: dict[str, str], force: float = 0.0, *, rule: Rule = Rule()
-) -> dict[str, Estimate]:
-    """Physical values of the free parameters of `model`, corrected for the integration error, with standard errors that
-    allow for correlated innovations (`clustered_covariance`).
+def parameters_of(model: Model, units: dict[str, str], *, lacking: bool = False) -> dict[str, Estimate]:
+    """Physical values of the free parameters of `model` with their standard errors.
+
+    They are the likeliest ones, as of `fit`, with its errors: innovations of an observer whose gains are not those of
+    the Kalman filter are correlated, and what they hold is not the sum of what each one holds. Where the motion is
+    imposed or chaotic, and of a model that is `lacking` an effect, which biases its parameters by far more, they are
+    those of the descent.
 
     **Arguments:**
 
     - `model`: the fitted model.
     - `units`: maps force, position, input to unit names.
-    - `force`: unmeasured force over Fc; the blocks that it makes unpredictable are left out.
-    - `rule`: when a block is unpredictable.
+    - `lacking`: whether more than noise is left.
     """
-    return reported_parameters(model, units, force, rule=rule)[0]
-
-
-def reported_parameters(
-    model: Model,
-    units: dict[str, str],
-    force: float = 0.0,
-    *,
-    lacking: bool = False,
-    rule: Rule = Rule(),
-) -> tuple[dict[str, Estimate], str]:
-    """`parameters_of` the `model`, with the same `units` and `force`, and a warning about them: that the integration
-    error is still in them, or that the stated errors are too small; empty when there is none. A model that is `lacking`
-    an effect is not corrected for the integration error: the missing effect biases its parameters by far more. Under a
-    coarse sensor the parameters are the likeliest ones, as of `fit`."""
-    chaotic = is_chaotic(model)
-    if is_coarse(model.posterior) and not chaotic and not lacking:
-        return likeliest_parameters(model.posterior, model.fitted.vector, units), ""
-    posterior, fitted = (
-        (model.posterior, model.fitted) if chaotic else _predictable_only(model, force, rule=rule)
-    )
-    vector, coarse, evaluations = fitted.vector, False, posterior.evaluated(fitted.vector)
-    if not lacking:
-        vector, coarse = at_finer_steps(posterior, fitted.vector, fitted.near, evaluations[0])
-    # At the steps of the fit: their integration error scatters like noise, and stands for that of finer steps.
-    known = uncertainty_at(posterior, vector, evaluations, fitted.near)
-    message = " ".join(text for text, applies in ((_COARSE, coarse), (_CHAOTIC, chaotic)) if applies)
-    return estimates(posterior, known, units), message
-
-
-def _predictable_only(model: Model, force: float, *, rule: Rule) -> tuple[Posterior, RobustFit]:
-    """The `model` fitted again without the blocks that a `force` makes unpredictable, by the `rule`; unchanged where
-    there are none, or where the other blocks hardly determine one of its parameters."""
     posterior, fitted = model.posterior, model.fitted
-    if force == 0.0 or posterior.batch.imposed:
-        return posterior, fitted
-    reduced, some = predictable(posterior, fitted.vector, force, rule=rule)
-    if not some:
-        return posterior, fitted
-    again = descend(reduced, fitted.vector, graduate=False, steps=_SETTLING, tolerance=1e-4)
-    hessians = [np.asarray(one.near.hessian) for one in (fitted, again)]
-    if not np.all(np.isfinite(hessians)):
-        return posterior, fitted
-    before, after = (np.linalg.pinv(hessian, hermitian=True) for hessian in hessians)
-    count = len(posterior.layout)
-    determined = np.diag(after)[:count] < _LESS_CERTAIN**2 * np.diag(before)[:count]
-    return (reduced, again) if np.all(determined) else (posterior, fitted)
+    if not (lacking or is_chaotic(model) or posterior.batch.imposed):
+        return likeliest_parameters(posterior, fitted.vector, units)
+    known = uncertainty_at(posterior, fitted.vector, posterior.evaluated(fitted.vector), fitted.near)
+    return estimates(posterior, known, units)
+
+
+def said_of_errors(model: Model) -> str:
+    """A warning that the stated errors of the `model` are too small; empty where they are not known to be."""
+    return _CHAOTIC if is_chaotic(model) else ""
 
 
 def message_of(model: Model) -> str:

@@ -24,7 +24,7 @@ def moved(
     """The `extended` model's parameters with what other effects would make of them in their errors, and what is to be
     said of that; as they are, and nothing, where nothing is named or what is named leaves noise.
 
-    Standard errors, those of the sandwich too, are about the nearest model of the named form. Where that form is an
+    Standard errors, those by clusters too, are about the nearest model of the named form. Where that form is an
     approximation its parameters are off by what is left, in all recordings alike. The last round of the selection
     refitted everything beside other effects that may be what is left, and refused them: the largest distance that a
     parameter went, s, is the spread between models, and its error becomes sqrt(stderr^2 + s^2) (variance within and

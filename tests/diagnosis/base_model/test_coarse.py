@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_estimation import FINE, PLANT, VOLT, base_fit, closed_loop, moves, truth
 
-from frictionjax.diagnosis.base_model.fit_base import reported_parameters
+from frictionjax.diagnosis.base_model.fit_base import parameters_of, said_of_errors
 from frictionjax.diagnosis.base_model.likeliest import likeliest_parameters, said_of_the_sensor
 from frictionjax.diagnosis.evidence.noise_floor import answer_to_force, floor_of, quietness
 from frictionjax.diagnosis.evidence.pace import at_pace, pace_of
@@ -56,8 +56,8 @@ def test_a_sentence_says_so(base):
 
 def test_its_parameters_are_those_of_the_machine(base):
     """Of the steep fall too, which a fixed observer would make gentle."""
-    found, message = reported_parameters(base, UNITS)
-    assert message == ""
+    found = parameters_of(base, UNITS)
+    assert said_of_errors(base) == ""
     for name, value in truth(STEEP).items():
         estimate = found[name]
         if estimate.identified:

@@ -180,26 +180,11 @@ def test_where_a_run_is_lost_nothing_is_predictable(shaken, monkeypatch, lost):
     assert np.all(kept[0, : half - 10]) and np.all(kept[1:])
 
 
-def test_parameters_are_reported_without_it_unless_nothing_else_tells_them(shaken):
-    posterior, vector, _ = shaken
-    fitted = descend(posterior, vector, graduate=False)
-    model = Model(posterior, fitted, judge(posterior, fitted))
-    # Two fifths of the force make a few blocks unpredictable; the whole of it makes most of sliding so.
-    plain, stated, blind = (parameters_of(model, {}, share * FORCE) for share in (0.0, 0.4, 1.0))
-    true = {"J": PLANT.J, **{name: getattr(PLANT.friction, name) for name in ("sigma0", "Fc", "Fs")}}
-    for name, value in true.items():
-        assert abs(stated[name].value - float(value)) < 4.0 * stated[name].stderr, name
-    assert any(stated[name].value != plain[name].value for name in true)
-    # What is left then knows too little of friction, and the fit stays whole.
-    assert {name: e.value for name, e in blind.items()} == {name: e.value for name, e in plain.items()}
-
-
 def test_a_model_whose_curvature_is_no_number_is_reported_as_unknown(shaken):
-    """With a force, too: nothing is fitted again from there."""
     posterior, vector, _ = shaken
     fitted = descend(posterior, vector, graduate=False, steps=1)
     lost = fitted._replace(
         near=eqx.tree_at(lambda near: near.hessian, fitted.near, jnp.nan * fitted.near.hessian)
     )
-    found = parameters_of(Model(posterior, lost, judge(posterior, lost)), {}, FORCE)
+    found = parameters_of(Model(posterior, lost, judge(posterior, lost)), {}, lacking=True)
     assert all(e.stderr == float("inf") for e in found.values())

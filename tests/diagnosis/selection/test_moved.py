@@ -26,7 +26,7 @@ def rounds():
 @pytest.fixture(scope="module")
 def before(rounds):
     """What is reported of the model with the load, by its standard errors alone."""
-    return parameters_of(rounds[0].accepted.model, {})
+    return parameters_of(rounds[0].accepted.model, {}, lacking=True)
 
 
 def _errors(estimates):
