@@ -25,6 +25,7 @@ from frictionjax.diagnosis.verdict import Verdict
 
 _TOO_LITTLE = "clearly likelier, but all that was found explains too little of the misfit to be named"
 _NOT_AHEAD = "clearly likelier one sample ahead, but held-out recordings are predicted worse 0.1 s ahead"
+_INCUMBENT = 0  # row of the effect that is there already, in the table of a swap
 _NOT_NEEDED = "not needed: refitted to all recordings, the base model reaches the noise floor"
 
 
@@ -217,8 +218,10 @@ class Search:
         """The same `chain`, or, where an effect is not needed beside the others, rounds without it: the first of those
         that stay is compared again with the candidates of the first round."""
         place = self.superfluous(chain)
-        if place is None:
-            return chain
+        return chain if place is None else self._fewer(chain, place)
+
+    def _fewer(self, chain: list[Round], place: int) -> list[Round]:
+        """Rounds without the effect at the `place` of the `chain`, that has been compared with the model without it."""
         fewer: list[Round] = []
         for number in range(len(chain) - 1):
             table = self.tables.fewer(chain, place, number, fewer)
@@ -229,7 +232,8 @@ class Search:
         return fewer
 
     def swap(self, chain: list[Round]) -> list[Round]:
-        """The same `chain`, or rounds in which an earlier effect made way for one that it is confused with.
+        """The same `chain`, or rounds in which an earlier effect made way for one that it is confused with, or for
+        itself with another period, or of another form.
 
         While it was alone it had to stand in for what was accepted later, so that a wrong one may have won. What comes
         in is put last, and so is what the recordings cannot tell from another beside the others.
@@ -239,11 +243,18 @@ class Search:
             found = self._accept(table)
             if found.accepted is None:
                 continue
-            if found.row.effect != own.row.effect or found.rivals:
+            if found.rivals or self._takes_its_place(table, found.accepted):
                 return [*self._rebuilt(chain, place, table), found]
             # Beside the others it can be distinguished from all of them.
             chain = [*chain[:place], dataclasses.replace(own, rivals=()), *chain[place + 1 :]]
         return chain
+
+    def _takes_its_place(self, table: ComparisonTable, row: int) -> bool:
+        """Whether the `row` of a swap's `table` is another effect than the incumbent, or the same one elsewhere, with
+        another period or of another form, that the recordings can tell from it."""
+        if table.rows[row].effect != table.rows[_INCUMBENT].effect:
+            return True
+        return row != _INCUMBENT and table.lead(row, _INCUMBENT, self.rule) >= self.rule.rivals.lead
 
     def _rebuilt(self, chain: list[Round], place: int, swap: ComparisonTable) -> list[Round]:
         """The `chain` without the effect at the `place`. Each of the others was found beside it and is needed there;
@@ -260,16 +271,33 @@ class Search:
         the `chain`.
 
         Beside a wrong name the second effect of two explains too little to be accepted, and nothing would compare the
-        first one again. So it is tried out: taken for accepted, swapped, and kept where another name came in, all are
+        first one again. So it is tried out: taken for accepted, swapped, and kept where another model came in, all are
         needed, and together they explain nearly all of the misfit. None where that is not so.
+
+        Where no other name came in, but the first one elsewhere, what was refused goes again: it has shown a better
+        minimum of what is named already.
         """
         started = self._tentative(refused)
         if started is None:
             return None
         changed = self.swap([*chain, started])
-        if {one.row.effect for one in changed} == {one.row.effect for one in (*chain, started)}:
+        tried = [*chain, started]
+        if [one.reference for one in changed] == [one.reference for one in tried]:
             return None
+        if {one.row.effect for one in changed} == {one.row.effect for one in tried}:
+            return self._elsewhere(chain, changed, started)
         share = self.tables.whole(changed).gains(self.rule).share
         if share <= self.rule.accept.enough_share or len(self.drop(changed)) < len(changed):
             return None
         return changed
+
+    def _elsewhere(self, chain: list[Round], changed: list[Round], started: Round) -> list[Round] | None:
+        """The effects of the `chain` as they are in the rounds `changed`, without that of the round `started`; None
+        where they explain no more than before."""
+        place = [one.row.effect for one in changed].index(started.row.effect)
+        self.tables.without(changed, place)
+        found = self._fewer(changed, place)
+        if any(one.accepted is None for one in found):
+            return None
+        before, after = (self.tables.whole(some).gains(self.rule) for some in (chain, found))
+        return found if after.worth > before.worth else None

@@ -5,10 +5,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from helpers_selection import Bench, with_effect, world
+from helpers_plants import effect
+from helpers_selection import LAG, LOAD, Bench, with_effect, world
 
 from frictionjax.core import silent
 from frictionjax.diagnosis.effort import Effort, ScreeningEffort
+from frictionjax.diagnosis.evidence.judgement import judge
+from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.refitting.shortlist import confused_with
 from frictionjax.diagnosis.rule import Rule
 from frictionjax.diagnosis.screening.try_catalogue import try_catalogue
@@ -16,6 +19,8 @@ from frictionjax.diagnosis.selection import refit_candidates
 from frictionjax.diagnosis.selection.refit_candidates import CandidateRefitter
 from frictionjax.diagnosis.selection.round import dropping
 from frictionjax.diagnosis.selection.search import Search
+from frictionjax.estimation.descent.robust import descend
+from frictionjax.estimation.objective.robust import extend
 from frictionjax.physics import catalogue
 
 pytestmark = pytest.mark.untyped
@@ -140,6 +145,43 @@ def test_what_is_refused_beside_a_true_name_stays_refused(two):
 def test_a_wrong_name_stays_where_nothing_is_confused_with_it(two):
     """What was refused is then not named either."""
     assert _instead(two, "lag", "pendulum", [])[0] is None
+
+
+def _resting(bench, model, added):
+    """The `model` and the effect that is `added`, where a descent has come to rest."""
+    posterior, vector = extend(model.posterior, model.fitted.vector, added, bench.scales)
+    fitted = descend(posterior, vector, graduate=False, steps=0)
+    return Model(posterior, fitted, judge(posterior, fitted))
+
+
+@pytest.fixture(scope="module")
+def elsewhere(two):
+    """Rounds with a load at half its size and, beside it, the lag that is there; and their bench, which refits a load
+    beside the lag."""
+    bench = Bench(*two, ["load"])
+    half = effect("ConstantLoad", load=0.5 * float(LOAD.load))
+    first = bench.a_round(two[0], _resting(bench, two[0], half), "load")
+    second = bench.a_round(bench.model(first), _resting(bench, bench.model(first), LAG), "lag")
+    return [first, second], bench
+
+
+def test_an_effect_makes_way_for_itself_at_a_better_minimum(elsewhere):
+    chain, bench = elsewhere
+    found = bench.search.swap(list(chain))
+    assert [one.row.effect for one in found] == ["drive_lag", "constant_load"]
+    load = bench.model(found[1]).judgement.drive.effects[-1].load
+    assert float(load) == pytest.approx(float(LOAD.load), rel=0.02)
+    # Once it is there, it stays.
+    again = bench.chain("lag", "load")
+    assert [one.reference for one in bench.search.swap(again)] == [one.reference for one in again]
+
+
+def test_what_is_refused_may_show_a_better_minimum_of_what_is_named(elsewhere):
+    """The lag goes again: that of all it should explain is asked beside the better minimum."""
+    (first, second), bench = elsewhere
+    found = bench.search.instead([first], dropping(second, "explains too little"))
+    assert [one.row.effect for one in found] == ["constant_load"]
+    assert bench.model(found[0]).fitted.misfit < bench.model(first).fitted.misfit
 
 
 def _asking_for_more(search):
