@@ -4,6 +4,7 @@
 benchmarks.studies N FOLDER` makes N draws in a process of its own and prints seconds and the largest memory, as JSON.
 """
 
+import functools
 import json
 import multiprocessing
 import os
@@ -14,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 import jax
@@ -61,9 +63,23 @@ def alone(study: fj.Study) -> float:
     return time.perf_counter() - start
 
 
-def pool(workers: int) -> ProcessPoolExecutor:
-    """Processes that are spawned."""
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+def pool(workers: int, *, pinned: bool = False) -> ProcessPoolExecutor:
+    """Processes that are spawned; `pinned`, each to a core of its own, where the system can: left alone, one process
+    computes on more than one."""
+    spawn = multiprocessing.get_context("spawn")
+    if not (pinned and hasattr(os, "sched_setaffinity")):
+        return ProcessPoolExecutor(workers, mp_context=spawn)
+    return ProcessPoolExecutor(
+        workers, mp_context=spawn, initializer=_take_a_core, initargs=(spawn.Value("i", 0),)
+    )
+
+
+def _take_a_core(taken: Synchronized) -> None:
+    """Keep this process to the next core that is not `taken`, before it starts any thread."""
+    cores = sorted(os.sched_getaffinity(0))
+    with taken.get_lock():
+        os.sched_setaffinity(0, {cores[taken.value % len(cores)]})
+        taken.value += 1
 
 
 def started(executor: ProcessPoolExecutor, few: fj.Study, workers: int) -> ProcessPoolExecutor:
@@ -103,20 +119,20 @@ def measure(*, small: bool = False) -> list[dict]:
             row("with a store and one other process: overhead", far, "%", "below 5", far < 5.0),
             row(f"{workers} processes against one", gain, "x", "at least 1.8", gain > 1.8),
         ]
-        few, study = refits(8), refits(fits)
-        started(first, few, 1)
-        started(all_of_them, few, workers)
-        # Two calls of four lanes a chunk, on one process and on several.
-        ways = {
-            "one": lambda: seconds_of(study, 8, first),
-            "both": lambda: seconds_of(study, 8, all_of_them),
-        }
+    few, study = refits(8), refits(fits)
+    with pool(1) as single, pool(1, pinned=True) as pinned, pool(workers, pinned=True) as several:
+        executors = {"free": single, "one": pinned, "both": several}
+        for executor in executors.values():
+            started(executor, few, workers if executor is several else 1)
+        # Two calls of four lanes a chunk.
+        ways = {name: functools.partial(seconds_of, study, 8, one) for name, one in executors.items()}
         least = side_by_side(ways, min(2, rounds))
     gain = least["one"] / least["both"]
     rows += [
-        row("refits of a break-away, one process", fits / least["one"], "1/s"),
-        row(f"refits, {workers} processes", fits / least["both"], "1/s"),
-        row(f"refits, {workers} processes against one", gain, "x", "at least 1.8", gain > 1.8),
+        row("refits of a break-away, one process on all cores", fits / least["free"], "1/s"),
+        row("refits, one process on one core", fits / least["one"], "1/s"),
+        row(f"refits, {workers} processes on a core each", fits / least["both"], "1/s"),
+        row(f"refits, {workers} cores against one", gain, "x", "at least 1.8", gain > 1.8),
     ]
     found = [_in_a_process(count) for count in large]
     for count, (seconds, memory) in zip(large, found, strict=True):
