@@ -26,7 +26,6 @@ from frictionjax.diagnosis.evidence.input_needed import (
 )
 from frictionjax.diagnosis.evidence.judgement import Scene
 from frictionjax.diagnosis.evidence.model import Model, scene_of
-from frictionjax.diagnosis.evidence.pace import is_coarse
 from frictionjax.diagnosis.evidence.recording_fits import recording_fits
 from frictionjax.diagnosis.evidence.views import View, view
 from frictionjax.diagnosis.findings.as_given import (
@@ -232,9 +231,8 @@ def _diagnose(
     scene = scene_of(final, starting.names)
 
     def parameters(model: Model) -> Future:
-        # The observers of a coarse sensor are off by more than what is missing.
-        remains = decision.remains and not is_coarse(base.posterior)
-        lacking = remains or model is base is not final
+        # A map stands for what is missing, and its many ordinates take long.
+        lacking = model is not last or model is base is not final
         return executor.submit(parameters_of, model, units, lacking=lacking)
 
     of_base, of_final = parameters(base), None if final is base else parameters(final)

@@ -120,14 +120,14 @@ def parameters_of(model: Model, units: dict[str, str], *, lacking: bool = False)
 
     They are the likeliest ones, as of `fit`, with its errors: innovations of an observer whose gains are not those of
     the Kalman filter are correlated, and what they hold is not the sum of what each one holds. Where the motion is
-    imposed or chaotic, and of a model that is `lacking` an effect, which biases its parameters by far more, they are
-    those of the descent.
+    imposed or chaotic, and of a model that is `lacking` an effect that was found, which biases its parameters by far
+    more, they are those of the descent.
 
     **Arguments:**
 
     - `model`: the fitted model.
     - `units`: maps force, position, input to unit names.
-    - `lacking`: whether more than noise is left.
+    - `lacking`: whether it lacks an effect that was found.
     """
     posterior, fitted = model.posterior, model.fitted
     if not (lacking or is_chaotic(model) or posterior.batch.imposed):
