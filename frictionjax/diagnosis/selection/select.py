@@ -77,9 +77,18 @@ def select(
     where a model with an effect ended, the selection is made once more with that base model.
     """
 
+    shown = 0.0
+
     def selected(base: Model, before: tuple[Refitted, ...] = ()) -> Selection:
+        done = shown  # of what the last selection left
+
+        def beyond(stage: str, fraction: float) -> None:
+            nonlocal shown
+            shown = done + (1.0 - done) * fraction
+            progress(stage, shown)
+
         known = (without, barred, stick_inertia, balanced, carried, turn, before)
-        return _selected(base, executor, progress, *known, rule, effort)
+        return _selected(base, executor, beyond, *known, rule, effort)
 
     found, base = selected(model), model
     for another in (_from_lower_base, _at_the_pace_of):

@@ -14,11 +14,12 @@ from frictionjax.core import silent
 from frictionjax.diagnosis.evidence.judgement import judge
 from frictionjax.diagnosis.evidence.model import Model
 from frictionjax.diagnosis.rule import Rule
+from frictionjax.diagnosis.selection import select as select_module
 from frictionjax.diagnosis.selection.acceptance import best_likelier, only_complete
 from frictionjax.diagnosis.selection.refitted_tables import fitted_to_all, lower_base, silenced, with_some
 from frictionjax.diagnosis.selection.round import Round
-from frictionjax.diagnosis.selection.search import decide
-from frictionjax.diagnosis.selection.select import of_another_base, select
+from frictionjax.diagnosis.selection.search import Decision, decide
+from frictionjax.diagnosis.selection.select import Selection, of_another_base, select
 from frictionjax.diagnosis.selection.stored_tables import StoredTables
 from frictionjax.diagnosis.table import Lead, table_json, table_of
 from frictionjax.estimation.data.batch import make_batch
@@ -108,6 +109,24 @@ def test_a_base_fit_that_came_to_rest_too_high_makes_way(two):
     # The tables of both searches are kept, under names that no search asks for.
     tables = tuple(of_another_base((Bench(base, scales).a_round(base, full, "lag").table,)))
     assert tables[0].asked[0] == "another base" and tables[0].key == "first t0"
+
+
+@pytest.mark.untyped
+def test_progress_goes_on_where_a_selection_is_made_again(two, monkeypatch):
+    base, shown = two[0], []
+    nothing = Selection([], Decision((), "adequate", False, 0.0, ()), ())
+
+    def one_selection(model, executor, progress, *rest):
+        for fraction in (0.0, 0.4, 0.8):
+            progress("testing every effect", fraction)
+        return nothing
+
+    monkeypatch.setattr(select_module, "_selected", one_selection)
+    monkeypatch.setattr(select_module, "_from_lower_base", lambda found, model, rule: base)
+    monkeypatch.setattr(select_module, "_at_the_pace_of", lambda found, model, rule: None)
+    with ThreadPoolExecutor(1) as executor:
+        select(base, executor, lambda stage, fraction: shown.append(fraction))
+    assert shown == pytest.approx([0.0, 0.4, 0.8, 0.8, 0.88, 0.96])
 
 
 @pytest.mark.untyped
