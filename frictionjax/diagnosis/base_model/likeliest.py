@@ -29,8 +29,7 @@ from frictionjax.estimation.uncertainty import estimates, inverse_of, uncertaint
 
 _STEPS = 2  # integration steps a sample at least, as in `fit`
 _FINER = 8  # so many times as many: the scheme is of second order, and 1/64 of the error is left
-# Of Newton steps: the first one does nearly all.
-_ROUNDS = 3
+_ROUNDS = 3  # of Newton steps at most, each a few evaluations of fine steps: the first one does nearly all
 
 
 def said_of_the_sensor(posterior: Posterior) -> tuple[str, ...]:

@@ -280,8 +280,8 @@ class Search:
         started = self._tentative(refused)
         if started is None:
             return None
-        changed = self.swap([*chain, started])
         tried = [*chain, started]
+        changed = self.swap(tried)
         if [one.reference for one in changed] == [one.reference for one in tried]:
             return None
         if {one.row.effect for one in changed} == {one.row.effect for one in tried}:
@@ -295,7 +295,7 @@ class Search:
         """The effects of the `chain` as they are in the rounds `changed`, without that of the round `started`; None
         where they explain no more than before."""
         place = [one.row.effect for one in changed].index(started.row.effect)
-        self.tables.without(changed, place)
+        self.tables.without(changed, place)  # what is left without it is where `fewer` starts
         found = self._fewer(changed, place)
         if any(one.accepted is None for one in found):
             return None
